@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 # The lines between which a scene has the entries that are found anew.
 _FIRST = "# --- contacts found by signorini-fx contacts; a new search replaces what is between ---"
 _LAST = "# --- end of the contacts found ---"
+_SIDES = ("boundary", "against")
+_MILLIMETRES = '{ length = "mm", stress = "MPa", force = "N" }'
+_FRICTION = '{ law = "coulomb", coefficient = 0.1 }'
 # The numbers of boundaries of drawings, and of groups without a name.
 _NUMBERED = re.compile(r"boundary_(\d+)")
 
@@ -76,26 +79,26 @@ def in_words(found: Proposals) -> list[str]:
     return lines
 
 
-def as_entries(contacts: Sequence[ProposedContact]) -> str:
-    """Return the contacts as entries of a scene file, in TOML.
+def as_entries(contacts: Sequence[ProposedContact], *, in_rows: bool = False) -> str:
+    """Return the contacts as entries of a scene file, in TOML: tables, or rows of a list.
 
     Where one round side sits in the other, their distance is stated: facets leave arcs, so that
     the distance of the meshes is another one.
     """
     entries = []
     for contact in contacts:
-        lines = [
-            f"[[contact]]  # {contact.name}: {contact.kind}",
-            f"boundary = {_quoted(_side(contact, 0))}",
-            f"against = {_quoted(_side(contact, 1))}",
-        ]
+        keys = [f"{key} = {_quoted(_side(contact, k))}" for k, key in enumerate(_SIDES)]
         if contact.fitted:
-            lines.append('distance = "nominal"')
+            keys.append('distance = "nominal"')
             if contact.kind != "touches":
-                lines.append(f"gap = {contact.gap:.3g}")
-        lines.append('# friction = { law = "coulomb", coefficient = 0.1 }')
-        entries.append("\n".join(lines))
-    return "\n\n".join(entries)
+                keys.append(f"gap = {contact.gap:.6g}")
+        remark = f"  # {contact.name}: {contact.kind}"
+        if in_rows:
+            entries.append(f"    {{ {', '.join(keys)} }},{remark}, area {contact.area:.4g}")
+        else:
+            keys.append(f"# friction = {_FRICTION}")
+            entries.append("\n".join([f"[[contact]]{remark}", *keys]))
+    return ("\n" if in_rows else "\n\n").join(entries)
 
 
 def _side(contact: ProposedContact, number: int) -> str:
@@ -155,7 +158,8 @@ def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) ->
     except tomllib.TOMLDecodeError as error:
         raise SceneError.at("file", f"is not a TOML file: {error}", str(file)) from None
     stated = data.get("contact", [])
-    if isinstance(stated, dict) or (stated and "[[contact]]" not in own):
+    in_rows = bool(found) and before.endswith("    ")
+    if isinstance(stated, dict) or (stated and not in_rows and "[[contact]]" not in own):
         reason = "is an inline table, to which nothing can be added: write it as [[contact]]"
         raise SceneError.at("contact", reason, str(file))
     pairs = [{entry.get("boundary"), entry.get("against")} for entry in stated]
@@ -170,8 +174,15 @@ def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) ->
         names = ", ".join(f"{name} = {numbers}" for name, numbers in missing.items())
         reason = f"add these names, which the contacts need: {names}"
         raise SceneError.at("mesh.boundaries", reason, str(file))
+    if in_rows:
+        return f"{before}{_rows(new)}{rest.partition(_LAST)[2]}"
     block = f"{_FIRST}\n\n{as_entries(new)}\n\n{_LAST}\n"
     return f"{own.rstrip()}\n\n{block}"
+
+
+def _rows(contacts: Sequence[ProposedContact]) -> str:
+    """Return what a search has found as rows of a list, between its first and last line."""
+    return f"{_FIRST}\n{as_entries(contacts, in_rows=True)}\n    {_LAST}"
 
 
 def with_found_contacts(scene: Scene, comm: MPI.Comm) -> Scene:
@@ -295,33 +306,33 @@ def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Fi
         yield Finding("note" if contact.kind == "clearance" else "warning", "contact", message)
 
 
-def scene_of(mesh: MeshFile, file: Path) -> str:
+def scene_of(mesh: MeshFile, arrays: MeshArrays, file: Path) -> str:
     """Return the text of a scene for a drawing or a mesh, in which the user fills in materials,
-    supports and loads; ``file``: of the scene.
-
-    Raises:
-        MeshError: the mesh cannot be read.
+    supports and loads; ``arrays``: the mesh; ``file``: of the scene.
     """
-    arrays = read_file(mesh)
     found = proposed_contacts(arrays)
     contacts = found.contacts
-    names = list(arrays.boundaries)
-    shown = ", ".join(names[:20]) + ", ..." * (len(names) > 20)
-    axes = ("x", "y", "z")[: arrays.dim]
-    held = "\n".join(f"# {axis} = 0.0" for axis in axes)
-    materials = "\n\n".join(
-        "[[material]]\n"
-        + (f"region = {_quoted(body)}\n" if body else "")
-        + "# young = 210000.0  # stress\n# poisson = 0.3"
-        for body in (arrays.regions if len(arrays.regions) > 1 else [""])
-    )
-    head = "\n".join(f"# {line}" for line in in_words(found))
-    return (
-        f"# Fill in what begins with #, then run: signorini-fx check {file.name}\n"
-        f"# Boundaries: {shown}\n{head}\n\n"
-        f"title = {_quoted(mesh.file.stem)}\n"
-        f"{mesh_entry(mesh, file.parent, contacts)}\n\n{materials}\n\n"
-        f"[[displacement]]  # a support\n# boundary = \n{held}\n\n"
-        f"[[traction]]  # a load\n# boundary = \n# pressure = 1.0  # stress\n"
-        + (f"\n{_FIRST}\n\n{as_entries(contacts)}\n\n{_LAST}\n" if contacts else "")
-    )
+    held = ", ".join(f"{axis} = 0.0" for axis in "xyz"[: arrays.dim])
+    bodies, *remarks = in_words(found)
+    unnamed = [f"# {line}" for line in remarks if line.startswith("surfaces")]
+    own = ""
+    if len(arrays.regions) > 1:
+        first = next(iter(arrays.regions))
+        own = f"  # each its own: [{{ region = {_quoted(first)}, young = ... }}, ...]"
+    named = [f"units = {_MILLIMETRES}"] if mesh.file.suffix.lower() in (".step", ".stp") else []
+    lines = [
+        f"# {bodies}",
+        *unnamed,
+        f"title = {_quoted(mesh.file.stem)}",
+        mesh_entry(mesh, file.parent, contacts),
+        *named,
+        "",
+        f'# Fill in what is 0.0 or ""; {file.stem}.png has the numbers of the boundaries.',
+        f"material = {{ young = 0.0, poisson = 0.3 }}{own}",
+        f'displacement = [{{ boundary = "", {held} }}]  # supports',
+        'traction = [{ boundary = "", pressure = 0.0 }]  # or x, y, z: forces per area',
+    ]
+    if contacts:
+        lines += [f"contact = [  # with friction: friction = {_FRICTION}", f"    {_rows(contacts)}"]
+        lines.append("]")
+    return "\n".join([*lines, ""])

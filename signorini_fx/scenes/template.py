@@ -25,11 +25,10 @@ from signorini_fx.quantities.summary import Summary, own_quantities
 from signorini_fx.scenes.scene import Scene
 
 
-def starting_scene() -> str:
-    """A scene file that can be solved as it is and explains every key."""
-    return (
-        resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
-    )
+def starting_scene(*, full: bool = True) -> str:
+    """A scene file that can be solved as it is; one that is ``full`` explains every key."""
+    name = "template.toml" if full else "short.toml"
+    return resources.files("signorini_fx.scenes").joinpath(name).read_text(encoding="utf-8")
 
 
 def described() -> type[BaseModel]:

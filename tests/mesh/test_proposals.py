@@ -2,6 +2,9 @@
 scene.
 """
 
+import base64
+import json
+import re
 import tomllib
 
 import gmsh
@@ -167,12 +170,9 @@ def test_pairs_of_an_assembly(drawn, assembly, fine):
 
 def filled_in(text):
     """A scene of a drawing with a material, supports and loads: the outer rim is held."""
-    text = text.replace("# young = 210000.0  # stress\n# poisson", "young = 210000.0\npoisson")
-    held = 'boundary = "boundary_3"\nx = 0.0\ny = 0.0\n'
-    load = 'boundary = "boundary_4"\nx = 1.0\n'
-    return text.replace("# boundary = \n# x = 0.0\n# y = 0.0\n", held).replace(
-        "# boundary = \n# pressure = 1.0  # stress\n", load
-    )
+    text = text.replace("young = 0.0", "young = 210000.0")
+    text = text.replace('boundary = "", x', 'boundary = "boundary_3", x')
+    return text.replace('boundary = "", pressure = 0.0', 'boundary = "boundary_4", x = 1.0')
 
 
 def test_from_a_drawing_to_a_scene(capsys, tmp_path, monkeypatch, drawn):
@@ -185,11 +185,16 @@ def test_from_a_drawing_to_a_scene(capsys, tmp_path, monkeypatch, drawn):
     assert "ring.toml is a scene" in out
     assert (tmp_path / "ring.png").stat().st_size > 10_000
     text = (tmp_path / "ring.toml").read_text()
-    assert len(text.splitlines()) < 45
-    code, _, err = run(capsys, "check", "ring.toml")
+    assert len(text.splitlines()) <= 20
+    assert run(capsys, "check", "ring.toml")[2].count("material.young: must be greater than 0")
+    file = tmp_path / "young.toml"
+    file.write_text(text.replace("young = 0.0", "young = 1.0"))
+    code, _, err = run(capsys, "check", file)
     assert code == 2
-    for path in ("material[0].young", "material[1].poisson", "displacement[0]", "traction[0]"):
+    for path in ("displacement[0].boundary", "traction[0].boundary"):
         assert path in err
+    run(capsys, "contacts", drawn(ring), "--size", "1.0", "--into", "ring.toml")
+    assert (tmp_path / "ring.toml").read_text() == text
     file = tmp_path / "filled.toml"
     file.write_text(filled_in(text))
     scene = read_scene(file)
@@ -287,6 +292,42 @@ def test_one_body_has_no_contacts(capsys, tmp_path):
     assert err.count("one.geo") == 1
     assert "the mesh is one body" in err
     assert run(capsys, "contacts", tmp_path / "none.msh")[2].count("none.msh: no such file") == 1
+
+
+def hub():
+    """A shaft that is 0.004 larger than its bore."""
+    occ = gmsh.model.occ
+    shaft = occ.addCylinder(0.0, 0.0, 0.0, 1.0, 2.0, 8.0, 5.002)
+    outer = occ.addCylinder(0.0, 0.0, 0.0, 1.0, 2.0, 8.0, 9.0)
+    bore = occ.addCylinder(0.0, 0.0, 0.0, 1.0, 2.0, 8.0, 5.0)
+    occ.cut([(3, outer)], [(3, bore)])
+    return shaft
+
+
+def test_a_fit_is_that_of_the_surfaces(drawn):
+    """Facets leave the arcs by a hundred times its interference."""
+    (contact,) = proposed_contacts(read_file(MeshFile(file=drawn(hub), size=3.0))).contacts
+    assert contact.sagitta > 0.1
+    assert (contact.kind, contact.gap) == ("overlap", pytest.approx(-0.002, rel=1e-5))
+
+
+def test_the_page_of_a_drawing_names_its_boundaries(capsys, tmp_path, monkeypatch, drawn):
+    """Each corner of the surface has the name of the boundary on which it is; the picture has their
+    numbers.
+    """
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "new", drawn(hub), "--size", "3")[0] == 0
+    page = (tmp_path / "hub.html").read_text(encoding="utf-8")
+    body = json.loads(re.search(r'class="data">(.*?)</script>', page)[1])
+    mesh = read_file(MeshFile(file=drawn(hub), size=3.0))
+    points = np.frombuffer(base64.b64decode(body["points"]), dtype=np.float32).reshape(-1, 3)
+    assert body["names"] == ["no name", *mesh.boundaries]
+    for number, rows in enumerate(mesh.boundaries.values(), start=1):
+        own = mesh.points[np.unique(mesh.facet_corners[rows])]
+        found = points[np.array(body["faces"]) == number]
+        np.testing.assert_allclose(
+            found[np.lexsort(np.round(found, 3).T)], own[np.lexsort(np.round(own, 3).T)], atol=1e-4
+        )
 
 
 def test_names_that_toml_has_to_quote(capsys, tmp_path, monkeypatch, drawn):

@@ -459,17 +459,19 @@ def test_bad_scenes(capsys, tmp_path, change, path):
 TEMPLATE = template.starting_scene()
 
 
-def test_new(capsys, tmp_path):
+@pytest.mark.parametrize(("words", "lines"), [((), 22), (("--full",), 260)])
+def test_new(capsys, tmp_path, words, lines):
     """The file parses, is fine, solves, and is not overwritten."""
     file = tmp_path / "mine.toml"
-    code, out, err = run(capsys, "new", file)
+    code, out, err = run(capsys, "new", file, *words)
+    assert len(file.read_text().splitlines()) < lines
     assert (code, err) == (0, "")
     assert str(file) in out
     data = read_scene(file)
     assert check(data).warnings == ()
     solution = alone(data)
     assert solution.converged
-    assert solution.algorithm == "fp"
+    assert solution.certificate.holds
     file.write_text("mine")
     code, out, err = run(capsys, "new", file)
     assert (code, out) == (2, "")
@@ -652,7 +654,15 @@ def test_the_schema_refuses(mistake):
 
 
 @pytest.mark.one_quick(
-    "arguments", [["--help"], ["check", "--help"], ["schema"], ["new", "scene.toml"]]
+    "arguments",
+    [
+        ["--help"],
+        ["help"],
+        ["help", "check"],
+        ["check", "--help"],
+        ["schema"],
+        ["new", "scene.toml"],
+    ],
 )
 def test_light_commands(tmp_path, arguments):
     """Without dolfinx, PETSc or MPI."""

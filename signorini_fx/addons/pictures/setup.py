@@ -5,7 +5,7 @@ contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,16 @@ _LINES = (
     (0, (1, 1)),
 )  # of the first ten boundaries, of the next ten, and of all others
 _LETTERS, _ROW = 14.0, 0.17  # of a legend: letters in an inch, inches of a row
+# How the names of boundaries begin that are numbers, which stand on the faces in 3D.
+_NUMBERED = "boundary_"
+_ON_FACE: dict[str, Any] = {
+    "ha": "center",
+    "va": "center",
+    "fontsize": 8,
+    "color": INK,
+    "zorder": 7,
+    "bbox": {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+}
 _MOST_EDGES = 60_000  # of cells: more would be a black body
 
 
@@ -155,7 +165,7 @@ class Setup:
 
     def _plane(self) -> tuple[Figure, Callable[[Any], Any], None]:
         points = self.polygons.reshape(-1, 2)
-        aside = (0.17 if any(boundary.kinds for boundary in self.boundaries) else 0.05) * self._size
+        aside = (0.17 if self._acts else 0.05) * self._size
         low = points.min(axis=0) - aside
         high = points.max(axis=0) + aside
         width, height = (high - low) * BODY_INCHES / float((high - low).max())
@@ -198,7 +208,7 @@ class Setup:
 
     def _space(self) -> tuple[Figure, Callable[[Any], Any], Array]:
         """The colours of the boundaries are those of their facets."""
-        from signorini_fx.addons.pictures.solid import Solid, figure_of
+        from signorini_fx.addons.pictures.solid import Solid, figure_of, seen_parts
 
         above = COLOURS_ABOVE * diagonal(self.polygons.reshape(-1, 3))
         patches = [self.polygons]
@@ -221,10 +231,28 @@ class Setup:
         )
         seen = view.oblique()
         steps = 0.1 * self._size * np.concatenate((np.eye(3), -np.eye(3)))
-        camera = view.Camera.on(seen, np.concatenate([body.points + step for step in steps]))
-        figure, axes = figure_of(body, camera, BODY_INCHES / (2 * float(camera.half.max())))
-        draw_lengths(axes, self.polygons.reshape(-1, 3), camera)
-        return figure, camera.flat, seen.toward
+        around = np.concatenate([body.points + step for step in steps])
+        sights = [seen] if self._acts else [seen, view.oblique(122.0, -24.0)]
+        cameras = [view.Camera.on(sight, around) for sight in sights]
+        inch = BODY_INCHES / (2 * float(cameras[0].half.max()))
+        figure, every = figure_of(body, *cameras, inch=inch)
+        spread = replace(
+            body,
+            points=body.points[fan].reshape(-1, 3),
+            triangles=np.arange(fan.size).reshape(-1, 3),
+        )
+        for axes, camera in zip(every, cameras, strict=True):
+            draw_lengths(axes, self.polygons.reshape(-1, 3), camera)
+            for part, place in seen_parts(spread, camera, len(patches)).items():
+                if part and (name := self._coloured[part - 1][0].name).startswith(_NUMBERED):
+                    x, y = place
+                    axes.text(x, y, name.removeprefix(_NUMBERED), **_ON_FACE)
+        return figure, cameras[0].flat, seen.toward
+
+    @property
+    def _acts(self) -> bool:
+        """Return whether something acts on a boundary."""
+        return any(boundary.kinds for boundary in self.boundaries)
 
     def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Array | None) -> None:
         """Arrows and supports, on the sides that face the viewer, or on those behind where there
@@ -301,7 +329,10 @@ class Setup:
     def _legend(self, figure: Figure) -> None:
         """The names of the boundaries, what acts on them, and how large the longest arrows are."""
         handles = []
+        numbered = self.polygons.shape[2] == 3 and not self._acts
         for boundary, colour, line in self._coloured:
+            if numbered and boundary.name.startswith(_NUMBERED):  # it stands on the faces
+                continue
             handles.append(
                 Line2D(
                     [],

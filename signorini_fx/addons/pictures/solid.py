@@ -17,6 +17,7 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures import view
@@ -46,6 +47,7 @@ from signorini_fx.tuned import (
 
 GROUND = "#dcdcdc"
 _LABELS = 0.8  # inches beside the body
+_SEEN = 400  # pixels across a picture in which parts are looked for
 _WITHOUT_DISPLAY = (
     9,
     4,
@@ -112,7 +114,7 @@ def deformed_solid(
     visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
     at_rest = None if factor == 1 else body.points
     solid = replace(solid, at_rest=at_rest, edges=_edges(body) if visible else None)
-    figure, axes = figure_of(solid, camera, inch)
+    figure, (axes,) = figure_of(solid, camera, inch=inch)
     draw_lengths(axes, body.points, camera)
     if largest is not None:
         around = body.triangles[(body.triangles == largest.point).any(axis=1)]
@@ -199,18 +201,39 @@ def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
     )
 
 
-def figure_of(solid: Solid, camera: Camera, inch: float) -> tuple[Figure, Axes]:
-    """A figure with the picture of a body in axes without ticks; ``inch``: how many a unit of
-    length is.
+def figure_of(solid: Solid, *cameras: Camera, inch: float) -> tuple[Figure, list[Axes]]:
+    """A figure with a picture of a body for each camera, beside each other in axes without ticks;
+    ``inch``: how many a unit of length is.
     """
-    right, top = camera.half
-    size = max(2 * inch * right + _LABELS, NARROWEST), 2 * inch * top + 0.9
+    halves = np.array([camera.half for camera in cameras])
+    wide = 2 * inch * halves[:, 0] + _LABELS
+    size = max(float(wide.sum()), NARROWEST), 2 * inch * float(halves[:, 1].max()) + 0.9
     figure = Figure(figsize=size, layout="constrained")
-    axes = figure.subplots()
-    picture = image(solid, camera, round(2 * inch * float(right) * PNG_DPI))
-    axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
-    axes.set_axis_off()
-    return figure, axes
+    every = figure.subplots(1, len(cameras), squeeze=False, width_ratios=list(wide))[0]
+    for axes, camera in zip(every, cameras, strict=True):
+        right, top = camera.half
+        picture = image(solid, camera, round(2 * inch * float(right) * PNG_DPI))
+        axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
+        axes.set_axis_off()
+    return figure, list(every)
+
+
+def seen_parts(solid: Solid, camera: Camera, count: int) -> dict[int, Array]:
+    """Return for each whole number of the field below ``count`` that is seen a place in the middle
+    of what is seen of it, in the picture, length, shape (2,).
+    """
+    shades = np.arange(1, count + 1) * (2**24 // (count + 1))
+    bytes_of = np.column_stack((shades >> 16, shades >> 8 & 255, shades & 255))
+    plain = replace(solid, colours=ListedColormap(bytes_of / 255.0), edges=None)
+    picture = image(plain, camera, _SEEN, plain=True).astype(np.int64)
+    found = {}
+    for number, colour in enumerate(bytes_of):
+        row, column = np.nonzero((np.abs(picture - colour) <= 1).all(axis=2))
+        if len(row) >= _SEEN // 4:
+            middle = np.hypot(row - row.mean(), column - column.mean()).argmin()
+            share = np.array([column[middle] + 0.5, row[middle] + 0.5]) / picture.shape[1::-1]
+            found[number] = (2.0 * share - 1.0) * (1.0, -1.0) * camera.half
+    return found
 
 
 def ready_pyvista(*, draws: bool = True) -> Any:
@@ -232,8 +255,11 @@ def ready_pyvista(*, draws: bool = True) -> Any:
     return pyvista
 
 
-def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
-    """A picture with this many pixels across on a white ground, shape (h, w, 3).
+def image(
+    solid: Solid, camera: Camera, width: int, *, plain: bool = False
+) -> npt.NDArray[np.uint8]:
+    """A picture with this many pixels across on a white ground, shape (h, w, 3); ``plain``: the
+    colours alone, without light and lines.
 
     Raises:
         PictureError: see ``ready_pyvista``.
@@ -243,8 +269,11 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
     plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
     try:
         plotter.set_background("white")
-        plotter.enable_anti_aliasing("ssaa")
-        _draw(plotter, solid)
+        if plain:
+            _add_body(plotter, _surface(solid.points, solid.triangles), solid, lighting=False)
+        else:
+            plotter.enable_anti_aliasing("ssaa")
+            _draw(plotter, solid)
         plotter.add_light(pyvista.Light(light_type="headlight"))
         plotter.camera.position = (
             camera.centre + 4 * float(np.linalg.norm(camera.half)) * camera.view.toward
@@ -276,17 +305,8 @@ def _draw(plotter: Any, solid: Solid) -> None:
     )
     corners = smooth.faces.reshape(-1, 4)[:, 1:].ravel()
     body = _surface(smooth.points[corners], np.arange(len(corners)).reshape(-1, 3))
-    body.point_data["field"] = solid.values.ravel()
     body.point_data.active_normals = smooth.point_data["Normals"][corners]
-    actor = plotter.add_mesh(
-        body,
-        show_scalar_bar=False,
-        scalars="field",
-        cmap=solid.colours or VALUES,
-        clim=solid.limits,
-        nan_color=GROUND,
-        **light,
-    )
+    actor = _add_body(plotter, body, solid, **light)
     actor.prop.interpolation = "Phong"
     if solid.edges is not None and len(solid.edges):
         lines = pyvista.line_segments_from_points(solid.points[solid.edges].reshape(-1, 3))
@@ -306,6 +326,13 @@ def _draw(plotter: Any, solid: Solid) -> None:
             boundary_edges=True, feature_edges=False, manifold_edges=False
         )
         plotter.add_mesh(rim, color=MUTED, line_width=1.5)
+
+
+def _add_body(plotter: Any, body: Any, solid: Solid, **light: Any) -> Any:
+    """Add triangles, each with points of its own, in the colours of the field."""
+    body.point_data["field"] = solid.values.ravel()
+    colours = {"cmap": solid.colours or VALUES, "clim": solid.limits, "nan_color": GROUND}
+    return plotter.add_mesh(body, show_scalar_bar=False, scalars="field", **colours, **light)
 
 
 def _surface(points: Array, polygons: Ints) -> Any:

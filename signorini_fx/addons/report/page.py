@@ -17,11 +17,12 @@ from typing import Any
 from signorini_fx import __version__
 from signorini_fx.addons.report import sections
 from signorini_fx.addons.report.markup import Markup, joined, part, rendered
-from signorini_fx.addons.report.turning_body import turning_body
+from signorini_fx.addons.report.turning_body import turning_body, turning_mesh
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
 from signorini_fx.machine.result_files import read_csv, read_summary
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.statement.units import labelled, names_of
 from signorini_fx.quantities.shown import was_solved
 
@@ -94,20 +95,33 @@ def _page(summary: dict[str, Any], folder: Path, only: Sequence[str]) -> str:
     if solved and contact:
         chapters["Iteration"] = sections.history(summary)
     chapters["Made with"] = sections.made_with(summary)
+    day = ""
+    if "finished" in summary:
+        day = f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}"
+    chosen = {head: chapters[head] for head in only or chapters if chapters[head]}
+    return _rendered(summary["title"] or name, status_in_words(summary), name, day, chosen)
+
+
+def _rendered(title: str, status: str, name: str, day: str, chapters: dict[str, Markup]) -> str:
+    """A page with its head and its chapters."""
     style = resources.files("signorini_fx.addons.report").joinpath("report.css")
-    text = rendered(
-        "page",
-        version=__version__,
-        title=summary["title"] or name,
-        status=status_in_words(summary),
-        name=name,
-        day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}"
-        if "finished" in summary
-        else "",
-        style=Markup(style.read_text(encoding="utf-8")),
-        chapters={head: chapters[head] for head in only or chapters if chapters[head]},
-    )
-    return f"{text}\n"
+    head = {"version": __version__, "title": title, "status": status, "name": name, "day": day}
+    css = Markup(style.read_text(encoding="utf-8"))
+    return f"{rendered('page', **head, style=css, chapters=chapters)}\n"
+
+
+def write_mesh_page(mesh: MeshArrays, file: Path) -> None:
+    """Write a page on which a mesh in 3D turns, with its boundaries named under the pointer.
+
+    Raises:
+        OutputError: the page cannot be written.
+    """
+    head = f"{len(mesh.boundaries)} boundaries"
+    text = _rendered(file.stem, head, file.stem, "", {"Boundaries": turning_mesh(mesh)})
+    try:
+        file.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+    except OSError as error:
+        raise cannot_be_written(file, error) from None
 
 
 def write_report(

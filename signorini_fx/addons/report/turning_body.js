@@ -133,22 +133,33 @@
     }
   }
 
-  // The value at the corner nearest to the pointer, of those on the side that is seen.
+  // The value below the pointer, or the name of the boundary: of the triangles there the nearest.
   function point(event) {
     const box = canvas.getBoundingClientRect();
     const aspect = box.width / box.height, size = aspect < 1 ? zoom * aspect : zoom;
     const x = ((event.clientX - box.left) / box.width * 2 - 1) * aspect / size - moved[0];
     const y = (1 - (event.clientY - box.top) / box.height * 2) / size - moved[1];
-    let best = -1, least = Infinity;
-    for (let k = 0; k < points.length; k += 3) {
-      const p = [0, 1, 2].map((i) => (points[k + i] + magnified() * step.displacement[k + i] - middle[i]) / radius);
-      const seen = turn.map((row) => row[0] * p[0] + row[1] * p[1] + row[2] * p[2]);
-      const far = Math.hypot(seen[0] - x, seen[1] - y);
-      if (far < 0.06 && far - 0.05 * seen[2] < least) { least = far - 0.05 * seen[2]; best = k / 3; }
+    const seen = Array.from({ length: points.length / 3 }, (_, n) => {
+      const p = [0, 1, 2].map((i) => (points[3 * n + i] + magnified() * step.displacement[3 * n + i] - middle[i]) / radius);
+      return turn.map((row) => row[0] * p[0] + row[1] * p[1] + row[2] * p[2]);
+    });
+    let best = [], nearest = -Infinity;
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [p, q, r] = [0, 1, 2].map((i) => seen[triangles[t + i]]);
+      const area = (q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1]);
+      const b = ((x - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (y - p[1])) / area;
+      const c = ((q[0] - p[0]) * (y - p[1]) - (x - p[0]) * (q[1] - p[1])) / area;
+      const z = p[2] + b * (q[2] - p[2]) + c * (r[2] - p[2]);
+      if (b >= 0 && c >= 0 && b + c <= 1 && z > nearest) {
+        nearest = z;
+        best = [1 - b - c, b, c].map((share, i) => [share, triangles[t + i]]);
+      }
     }
-    const place = best < 0 ? [] : [...points.slice(3 * best, 3 * best + (body.plane ? 2 : 3))];
-    const value = best < 0 || !values ? NaN : values[best];
-    find(".pointed").textContent = best < 0 ? "" : `${Number.isFinite(value) ? value.toPrecision(4) : "no value"} at (${place.map((c) => Math.abs(c) < 1e-9 * radius ? 0 : +c.toPrecision(4)).join(", ")})`;
+    const mean = (of) => best.reduce((sum, [share, n]) => sum + share * of(n), 0);
+    const value = values ? mean((n) => values[n]) : NaN;
+    const place = best.length ? (body.plane ? [0, 1] : [0, 1, 2]).map((i) => mean((n) => points[3 * n + i])) : [];
+    const what = body.names ? body.names[best.length && body.faces[best[0][1]]] : Number.isFinite(value) ? value.toPrecision(4) : "no value";
+    find(".pointed").textContent = best.length ? `${what} at (${place.map((c) => Math.abs(c) < 1e-9 * radius ? 0 : +c.toPrecision(4)).join(", ")})` : "";
   }
 
   let held = null;
@@ -169,6 +180,7 @@
   find(".step").max = body.steps.length - 1;
   find(".step").value = body.steps.length - 1;
   find(".steps").hidden = body.steps.length === 1;
+  if (body.names) for (const name of [".scale", ".results"]) find(name).style.display = "none";
   for (const name of [".field", ".step", ".scaled", ".lines"]) find(name).addEventListener("input", choose);
   window.addEventListener("resize", draw);
   fill("point", points, 3);

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.colors import to_hex
 from scipy.spatial import cKDTree
 
@@ -20,6 +21,7 @@ from signorini_fx.addons.pictures.style import VALUES, visible_factor
 from signorini_fx.addons.report.markup import Markup, rendered
 from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine.result_files import read_csv
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.tuned import SAME_LENGTH
 
 # Larger surfaces, and more load steps, would make the page slow to load.
@@ -65,19 +67,59 @@ def turning_body(summary: Mapping[str, Any], folder: Path) -> Markup:
         {"name": name, **_fields_of(grid, numbers, on_surface, points, tables.get(number))}
         for (number, name, _), grid in zip(steps, grids, strict=True)
     ]
-    triangles = np.concatenate([sides[:, [0, k, k + 1]] for k in range(1, sides.shape[1] - 1)])
-    edges = np.concatenate([sides[:, [k, (k + 1) % sides.shape[1]]] for k in range(sides.shape[1])])
     body = {
         "points": _packed(points),
-        "triangles": _packed(triangles, np.uint32),
-        "edges": _packed(np.unique(np.sort(edges, axis=1), axis=0), np.uint32),
+        **_drawn(sides),
         "colours": [to_hex(VALUES(k / 15)) for k in range(16)],
         "plane": plane,
         "scale": visible_factor(points, grids[-1]["displacement"]),
         "steps": shown,
     }
+    return _turning(body)
+
+
+def _turning(body: Mapping[str, Any]) -> Markup:
+    """The figure of a body that the script draws."""
     script = resources.files(__package__).joinpath("turning_body.js").read_text(encoding="utf-8")
     return rendered("turning_body", data=Markup(json.dumps(body)), script=Markup(script))
+
+
+def turning_mesh(mesh: MeshArrays) -> Markup:
+    """The surface of a mesh in 3D that turns, whose boundaries are named under the pointer."""
+    outer = len(mesh.facets) - mesh.inner
+    face = np.zeros(outer, dtype=np.int64)
+    for number, rows in enumerate(mesh.boundaries.values(), start=1):
+        face[rows[rows < outer]] = number
+    corners = mesh.facet_corners[:outer]
+    # Each boundary has points of its own.
+    keys = corners + len(mesh.points) * face[:, None]
+    used, numbers = np.unique(keys, return_inverse=True)
+    sides = numbers.reshape(corners.shape)
+    if sides.shape[1] == 4:  # as basix numbers them
+        sides = sides[:, [0, 1, 3, 2]]
+    points = mesh.points[used % len(mesh.points)]
+    of_point = used // len(mesh.points)
+    still = {"displacement": _packed(np.zeros_like(points)), "name": ""}
+    return _turning(
+        {
+            "points": _packed(points),
+            **_drawn(sides),
+            "colours": [to_hex(colormaps["tab20"](k)) for k in range(16)],
+            "plane": False,
+            "scale": 1.0,
+            "steps": [{**still, "fields": {"boundary": _packed(of_point % 16)}}],
+            "names": ["no name", *mesh.boundaries],
+            "faces": of_point.tolist(),
+        }
+    )
+
+
+def _drawn(sides: Ints) -> dict[str, str]:
+    """The triangles and the edges of facets, shape (f, c)."""
+    triangles = np.concatenate([sides[:, [0, k, k + 1]] for k in range(1, sides.shape[1] - 1)])
+    edges = np.concatenate([sides[:, [k, (k + 1) % sides.shape[1]]] for k in range(sides.shape[1])])
+    once = np.unique(np.sort(edges, axis=1), axis=0)
+    return {"triangles": _packed(triangles, np.uint32), "edges": _packed(once, np.uint32)}
 
 
 def _files(folder: Path) -> list[tuple[int, str, Path]]:

@@ -296,6 +296,7 @@ class _Pair:
     sagitta: float
     lengths: tuple[float, float]
     place: Array
+    exact: bool  # whether the gap is that of the surfaces, which facets leave
 
 
 def _pairs(facets: _Facets, first: Ints, second: Ints, distance: Array) -> Iterator[_Pair]:
@@ -320,17 +321,63 @@ def _pairs(facets: _Facets, first: Ints, second: Ints, distance: Array) -> Itera
         mean = float(distance[of_pair] @ weight / weight.sum())
         sagitta = float((facets.sagitta[first[of_pair]] + facets.sagitta[second[of_pair]]).max())
         extremes = float(distance[of_pair].min()), float(distance[of_pair].max())
+        gap = mean if _alongside(extremes, sagitta) else extremes[0]
+        exact = False
+        if sagitta > 0.0 and _alongside(extremes, sagitta):
+            radii = [_radius(facets.corners[rows], facets.normal[rows]) for rows in surfaces]
+            exact = radii[0] * radii[1] < 0.0
+            gap = -sum(radii) if exact else gap
         yield _Pair(
             (label, other),
             (body, other_body),
-            mean if _alongside(extremes, sagitta) else extremes[0],
+            gap,
             extremes,
             float(sum(areas) / max(np.count_nonzero(areas), 1)),
             float(max(area / whole for area, whole in zip(areas, wholes, strict=True))),
             sagitta,
             (facets.length[surfaces[0]].mean(), facets.length[surfaces[1]].mean()),
             facets.corners[first[of_pair][0]].mean(axis=0),
+            exact,
         )
+
+
+def _radius(corners: Array, normals: Array) -> float:
+    """Return the radius of the circle, sphere or cylinder on which facets have their corners,
+    shape (f, c, d), length, negative where they are concave; 0: they are on none.
+
+    The corners of meshes are on the surface itself, which facets leave.
+    """
+    middles = corners.mean(axis=1)
+    x = np.unique(corners.reshape(-1, corners.shape[2]), axis=0)
+    size = np.linalg.norm(np.ptp(x, axis=0))
+
+    def ball(points: Array) -> tuple[Array, float, Array]:
+        """Centre and radius of the ball closest to points, and by how much each is off it."""
+        # |x|^2 = 2 c . x + r^2 - |c|^2
+        rows = np.column_stack((2.0 * points, np.ones(len(points))))
+        *centre, rest = np.linalg.lstsq(rows, (points**2).sum(axis=1), rcond=None)[0]
+        radius = np.sqrt(max(rest + np.dot(centre, centre), 0.0))
+        away = np.linalg.norm(points - centre, axis=1)
+        return np.array(centre), float(radius), away - radius
+
+    def across(turned: Array) -> Array:
+        """Return two unit vectors across the axis of normals that is turned by two numbers."""
+        axis = frame[2] + turned @ frame[:2]
+        return np.linalg.svd(axis[None])[2][1:]
+
+    plane = np.eye(x.shape[1])
+    centre, radius, off = ball(x)
+    if x.shape[1] == 3 and np.abs(off).max() > JUDGED_SAME_PLACE * size:
+        from scipy.optimize import least_squares
+
+        frame = np.linalg.svd(normals, full_matrices=True)[2]
+        found = least_squares(lambda turned: ball(x @ across(turned).T)[2], np.zeros(2), xtol=1e-15)
+        plane = across(found.x)
+        centre, radius, off = ball(x @ plane.T)
+    if np.abs(off).max() > JUDGED_SAME_PLACE * size:
+        return 0.0
+    outwards = inner(normals @ plane.T, middles @ plane.T - centre)
+    return radius * float(np.sign(outwards.sum()))
 
 
 def _alongside(extremes: tuple[float, float], sagitta: float) -> bool:
@@ -355,6 +402,7 @@ def _joined(
     def kind_of(pair: _Pair) -> str:
         # The mean is right within a twentieth of the sagitta, a single distance within all of it.
         share = 0.05 if _alongside(pair.extremes, pair.sagitta) else 1.0
+        share = 0.0 if pair.exact else share
         if abs(pair.gap) <= max(JUDGED_SAME_PLACE * size, share * pair.sagitta):
             return "touches"
         return "clearance" if pair.gap > 0.0 else "overlap"

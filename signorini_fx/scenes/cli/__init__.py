@@ -50,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not arguments:
         parser().print_help()
         return EXIT_BAD_INPUT
+    if arguments[0] == "help":
+        arguments = [*arguments[1:2], "--help"]
     if arguments[0].endswith(".toml"):  # a scene without a command is solved
         arguments.insert(0, "solve")
     options = parser().parse_args(arguments)

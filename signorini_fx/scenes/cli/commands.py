@@ -245,7 +245,7 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     if options.deck is None:
         from signorini_fx.scenes.template import starting_scene
 
-        _write_scene(file, starting_scene())
+        _write_scene(file, starting_scene(full=options.full))
         return (
             f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx "
             f"check {file}"
@@ -286,17 +286,24 @@ def _new_of_mesh(options: argparse.Namespace) -> str:
     """Write a scene for a drawing or a mesh, and a picture with the names of its boundaries."""
     from mpi4py import MPI
 
+    from signorini_fx.mechanics.mesh.files.formats import read_file
     from signorini_fx.mechanics.statement.mesh_sources import MeshFile
     from signorini_fx.scenes import found_contacts
 
     mesh = MeshFile(file=options.file, size=options.size)
     scene = Path(f"{options.file.stem}.toml")
-    _write_scene(scene, found_contacts.scene_of(mesh, scene))
+    arrays = read_file(mesh)
+    _write_scene(scene, found_contacts.scene_of(mesh, arrays, scene))
     picture = scene.with_suffix(".png")
     add_on("draw_mesh")(mesh, MPI.COMM_SELF, picture)
+    shows = f"{picture} shows the names of its boundaries"
+    if arrays.dim == 3:
+        page = scene.with_suffix(".html")
+        add_on("mesh_page")(arrays, page)
+        shows += f", and {page} those under the pointer"
     return (
-        f"{scene} is a scene without materials, supports and loads; {picture} shows the names of "
-        f"its boundaries. Fill in what begins with #, then run: signorini-fx check {scene}"
+        f"{scene} is a scene without materials, supports and loads; {shows}. Fill in what is 0.0 "
+        f'or "", then run: signorini-fx check {scene}'
     )
 
 

@@ -82,7 +82,7 @@ def parser() -> argparse.ArgumentParser:
         "sweep", help="solve a scene for several values of some of its entries", epilog=epilog
     )
     new = commands.add_parser(
-        "new", help="write a scene file to start from, with every key explained"
+        "new", help="write a scene file to start from, or one for a drawing or a mesh"
     )
     info = commands.add_parser(
         "mesh-info", help="describe a mesh file: names, counts, unnamed parts"
@@ -171,6 +171,7 @@ def parser() -> argparse.ArgumentParser:
         default=Path("scene.toml"),
         help="the file (default: %(default)s), or the drawing or mesh to write a scene for",
     )
+    new.add_argument("--full", **flag, help="explain every key")
     draft = "draft it from an .inp of Abaqus or CalculiX"
     new.add_argument("--from", dest="deck", type=named_path, metavar="DECK", help=draft)
     info.add_argument(
