@@ -16,7 +16,7 @@ from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.given_forms import given_forms
-from signorini_fx.forms.solver import FormSolver, options_applied
+from signorini_fx.forms.solver import UNDERIVED, FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
@@ -518,9 +518,7 @@ class ContactProblem(ProblemOfForms):
         solver = self.assembled
         if solver.outcome is None:
             raise RuntimeError("there is no solution to differentiate")
-        if solver.density is not None:
-            reason = "derivatives of motions with inertia are not possible yet"
-            raise FormError.at("density", reason)
+        solver.refuse_moving(UNDERIVED)
         for number, contact in enumerate(solver.contact):
             for part in contact.parts:
                 reason = f"derivatives are not possible yet with {part.key}: leave it out"

@@ -58,6 +58,9 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.step import Report, contact_equilibrium, step
 
+LASTS = "a step with inertia has a duration: use step(state, time) or run, not solve"
+UNDERIVED = "derivatives of motions with inertia are not possible yet"
+
 
 class BodyOfForms:
     """What stays of a body from solve to solve: its forms, its supports and what it touches."""
@@ -66,6 +69,7 @@ class BodyOfForms:
     # What of it parts of contacts may refuse, by the names of features, and the argument for each.
     refused_features: Sequence[tuple[str, str]] = ()
     foundations: Foundations
+    model_of_scene: Model | None = None  # whose statement effects begin with; None: there is none
 
     def __init__(
         self,
@@ -91,6 +95,8 @@ class BodyOfForms:
         self.density = density
         self._check_parts()
         self.effects = (*effects_of_contact(forms.contact), *effects)
+        # Whether effects may move the body far without deforming it.
+        self.moves = any(effect.moves_bodies for effect in self.effects)
         self._mesh_x = space.mesh.geometry.x.copy()  # with which all that is kept was assembled
         self._state: ContactState | None = None
 
@@ -151,7 +157,7 @@ class BodyOfForms:
         rigid = np.zeros(foundations.rigid_bodies.fixed.size)
         state = State(0, 0.0, zero, rigid, foundations.placed)
         for effect in self.effects:
-            state = effect.initial(None, state)
+            state = effect.initial(self.model_of_scene, state)
         return state
 
     @property
@@ -159,6 +165,11 @@ class BodyOfForms:
         """Whether coordinates have changed since something was assembled; collective."""
         mesh = self.space.mesh
         return parallel.any_rank(mesh.comm, not np.array_equal(self._mesh_x, mesh.geometry.x))
+
+    def refuse_moving(self, reason: str) -> None:
+        """Raise a FormError where bodies move."""
+        if self.moves:
+            raise FormError.at("density", reason)
 
     def supports(self) -> tuple[Flags, Array]:
         """Which dofs of this rank are prescribed now, ghosts included, and to what, shapes (dofs,);
@@ -276,9 +287,7 @@ class FormSolver(BodyOfForms):
         """Solve with the values of now; why there is no solution, and what to do, "": there is one;
         collective.
         """
-        if any(effect.overrides("body") for effect in self.effects):
-            lasts = "a step with inertia has a duration: use step(state, time) or run, not solve"
-            raise FormError.at("density", lasts)
+        self.refuse_moving(LASTS)
         self.timings = Timings()
         guess = self.last
         self.foundations.without_times()

@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, cast
 
+from dolfinx import fem
+
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
@@ -49,6 +51,7 @@ class StepContact:
             solved for.
         softness: by how much the gap grows with the pressure, length per stress, shape (n,); None:
             it does not.
+        linear: whether the body is; else the problem is solved for the displacement of the end.
     """
 
     model: Model
@@ -60,6 +63,7 @@ class StepContact:
     reference: Array | None = None
     part: float = 1.0
     softness: Array | None = None
+    linear: bool = True
 
     def with_gap(self, added: Any) -> StepContact:
         """Return the same with lengths added to the gap, shape (n,)."""
@@ -105,6 +109,9 @@ class StepEnd:
             shape (n, d).
         augmented: whether contact keeps to the law without regularisation.
         dt: its duration.
+        place: its end, see ``statement.load_path``.
+        internal: gives the forces of a nonlinear body at a displacement, as they are without
+            effects, shapes (dofs,) and (owned dofs,), collective; None: it is linear.
     """
 
     model: Model
@@ -116,6 +123,24 @@ class StepEnd:
     elastic: Array
     augmented: bool
     dt: float
+    place: float
+    internal: Callable[[Array], Array] | None
+
+
+@dataclass(frozen=True)
+class SteppedForms:
+    """What a step of a nonlinear body is solved with in place of its residual.
+
+    Attributes:
+        residual: UFL.
+        tangent: its derivative, UFL; None: UFL finds it.
+        begin: takes these to a step from a state, of a duration, and returns what acts beside the
+            loads of its end, forces on the owned dofs.
+    """
+
+    residual: Any
+    tangent: Any
+    begin: Callable[[State, float, Array | float], Array | float]
 
 
 class StepEffect:
@@ -154,6 +179,13 @@ class StepEffect:
         of the fields of the state alone, or itself.
         """
         return model
+
+    def stepped(self, F: Any, J: Any, u: fem.Function, density: Any) -> SteppedForms | None:
+        """Return what steps of a nonlinear body are solved with in place of a residual at the
+        displacement ``u`` and its tangent, UFL, None: UFL finds it; ``density``: mass per volume or
+        the form of the mass; None: these.
+        """
+        return None
 
     def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
         """Return what initial strains of the step to a time follow from, by the names by which they

@@ -160,6 +160,7 @@ class ProblemOfScene(NonlinearContactProblem):
             for key, value in statement.solver
             if key != "levels" and _LEFT_OUT.get(key) != value
         }
+        moves = any(effect.moves_bodies for effect in effects)
         try:
             problem = cls(
                 body.form,
@@ -171,6 +172,7 @@ class ProblemOfScene(NonlinearContactProblem):
                 commit=body.commit if body.points else None,
                 boundaries=facets,
                 effects=effects,
+                density=model.density and model.density() if moves else None,
                 **settings,
             )
         except FormError as error:
@@ -185,6 +187,7 @@ class ProblemOfScene(NonlinearContactProblem):
         problem.linear.names = {name: tagged.facets(name) for name in tagged.boundaries}
         problem.linear.bodies = model.pieces.bodies
         problem.linear.history = history
+        problem.linear.model_of_scene = model
         parts = [tagged.cells(material.region) for material in model.statement.material]
         problem.linear.forms = replace(problem.linear.forms, parts=parts)
         problem._solver.remembers = body if body.points else None
@@ -221,6 +224,7 @@ class ProblemOfScene(NonlinearContactProblem):
             begin = self._first
         else:
             check_step(begin, self.path.times[-1], self.model.space)
+        if begin.number:
             way.begin_at(self.path.place_of(begin.time))
         try:
             held = partial(factors_held, self.statement)

@@ -103,8 +103,11 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     if body.data is not None:
         yield from _gaps(body, body.data, np.inf)
     yield from _inwards(body)
-    yield from closed_at_once(body)
-    yield from equilibrium(body, [])
+    for effect in stated_effects(statement):
+        yield from effect.findings(body)
+    if not _moves(statement):
+        yield from closed_at_once(body)
+        yield from equilibrium(body, [])
     yield from _corners(body)
     yield from _coarse_surfaces(body)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -115,6 +115,7 @@ class Report:
     outcome: Outcome
     data: RegularisedData
     iterations = 0  # of Newton's method for a nonlinear body
+    internal: ClassVar[Callable[[Array], Array] | None] = None  # see ``StepEnd``
 
     @property
     def status(self) -> Status:
@@ -268,12 +269,14 @@ def ended(
                 for effect in problem.effects
                 for name, values in effect.columns(new).items()
             }
-            contact = replace(contact, columns=columns)
+            gap = contact.gap if report.posed.linear else report.posed.gap
+            contact = replace(contact, columns=columns, gap=gap)
         result = replace(result, contact=contact, told=tuple(told))
         for effect in problem.effects:
             if (wrong := effect.outcome(state, new, end)) is not None:
                 result = replace(result, status=wrong[0], reason=wrong[1])
-        if any(effect.overrides("solved") for effect in problem.effects):
+        linear = report.posed.linear
+        if linear and any(effect.overrides("solved") for effect in problem.effects):
             acting = _forces_of(problem, state, report)
             result = replace(_at_the_end(problem, report, new), acting=acting)
     return new, replace(report, result=replace(result, figures=figures))
@@ -308,6 +311,8 @@ def _end_of(problem: Problem, state: State, report: Report) -> StepEnd:
         vectors_of(report.start.elastic_slip, posed.boundary.tangents),
         report.outcome.augmented,
         posed.dt,
+        result.place,
+        report.internal,
     )
 
 
@@ -423,7 +428,9 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     if state.contact is not None and state.gammas is not None:
         data = replace(data, gamma_n=state.gammas[0], gamma_t=state.gammas[1])
     boundary = posed.boundary
-    contact = StepContact(body, boundary, data.gap, data, first.law, posed.drift)
+    contact = StepContact(
+        body, boundary, data.gap, data, first.law, posed.drift, linear=posed.linear
+    )
     for effect in effects:
         contact = effect.contact(contact, state, posed.dt)
     task = posed.task
@@ -541,7 +548,7 @@ def _added_forces(
     return [
         partial(effect.forces, posed.body, posed.loads, state, posed.dt)
         for effect in effects
-        if posed.loads is not None
+        if posed.loads is not None and posed.linear
     ]
 
 

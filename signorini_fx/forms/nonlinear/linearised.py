@@ -457,6 +457,7 @@ class NonlinearBody(BodyOfForms):
         options: tuple[str, Mapping[str, Any]],
         boundaries: Mapping[str, Any] | None = None,
         effects: Sequence[StepEffect] = (),
+        density: Any = None,
         **settings: Any,
     ) -> None:
         at = self.at = evaluated.u
@@ -464,9 +465,10 @@ class NonlinearBody(BodyOfForms):
         forms, _ = given_forms(
             tangents.leading, evaluated.form, contact, increment, boundaries=boundaries
         )
-        forms = replace(forms, original=(tangents.bilinear, evaluated.form))
+        bilinear = tangents.bilinear if evaluated.stepped is None else None
+        forms = replace(forms, original=(bilinear, evaluated.form))
         moving = partial(MovingFoundations, at=at)
-        super().__init__(forms, bcs, settings, options, effects, moving)
+        super().__init__(forms, bcs, settings, options, effects, moving, density)
         # Facets of parts of the boundary by their names, for messages.
         self.names: Mapping[str, Indices] = forms.boundaries
         self.bodies: tuple[str, ...] = ()  # see ``BodyPieces``
@@ -767,6 +769,7 @@ class NonlinearBody(BodyOfForms):
         """
         fits = bent.relative is not None and len(bent.relative[0]) == boundary.size
         more |= {"beside": bent.curvature, "relative": bent.relative if fits else None}
+        more["density"] = lambda: self.density
         points = boundary if self.contact else None
         return elastic_body(
             self.space, tangent, self.bcs, boundary=points, named=self.named, **more

@@ -30,6 +30,7 @@ from signorini_fx.forms.nonlinear.residual import (
     KeptFunctions,
     Residual,
     Tangents,
+    lowered,
     refuse_miscompiled,
 )
 from signorini_fx.forms.nonlinear.results import (
@@ -44,6 +45,7 @@ from signorini_fx.forms.nonlinear.results import (
     traction_left,
 )
 from signorini_fx.forms.nonlinear.steps import NonlinearSteps, solve_path
+from signorini_fx.forms.solver import LASTS, UNDERIVED
 from signorini_fx.forms.steps import Clock
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -53,7 +55,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.mechanics.step_effect import StepEffect
+from signorini_fx.mechanics.step_effect import StepEffect, SteppedForms
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -184,6 +186,7 @@ class NonlinearContactProblem(ProblemOfForms):
             the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J`` that
             differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
+        density: see ``ContactProblem``; loads in F are those of the end of a time step.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
 
     Attributes:
@@ -235,6 +238,7 @@ class NonlinearContactProblem(ProblemOfForms):
         stability: bool = True,
         max_newton: int = 30,
         boundaries: Mapping[str, Any] | None = None,
+        density: Any = None,
         **settings: Any,
     ) -> None:
         self.u = u
@@ -242,8 +246,14 @@ class NonlinearContactProblem(ProblemOfForms):
         if not isinstance(max_newton, int | np.integer) or max_newton < 1:
             reason = f"must be a whole number from 1, got {max_newton!r}"
             raise FormError.at("max_newton", reason)
+        if density is not None and not any(effect.overrides("stepped") for effect in effects):
+            from signorini_fx.mechanics.body.inertia import MidpointRule, density_of
+
+            density = density_of(density, u.function_space)
+            effects = *effects, MidpointRule()
         hooks = ("body", "load", "forces", "solved", "repeat")
-        if any(effect.overrides(name) for effect in effects for name in hooks):
+        others = [effect for effect in effects if not effect.overrides("stepped")]
+        if any(effect.overrides(name) for effect in others for name in hooks):
             reason = (
                 "change loads, the body or its balance, or repeat steps, which is not possible yet "
                 "with one"
@@ -253,9 +263,20 @@ class NonlinearContactProblem(ProblemOfForms):
             "form_compiler_options": form_compiler_options,
             "jit_options": jit_options,
         }
-        tangents = Tangents(F, J, u, options)
+        stepped: SteppedForms | None = None
+        whole: fem.Form | None = None
+        self._stated = F
         with compiling():
-            residual = Residual(fem.form(F, **options), u, update)
+            for effect in effects:
+                if (stepped := effect.stepped(F, J, u, density)) is not None:
+                    if update is not None:
+                        reason = "what a material remembers is not possible yet with inertia"
+                        raise FormError.at("update", reason)
+                    whole = fem.form(F, **options)
+                    F, J = stepped.residual, stepped.tangent
+                    break
+            residual = Residual(fem.form(F, **options), u, update, stepped=stepped, whole=whole)
+        tangents = Tangents(F, J, u, options)
         refuse_miscompiled(F, residual.form, u, options)
         self.assembled = self.linear = NonlinearBody(
             tangents,
@@ -265,6 +286,7 @@ class NonlinearContactProblem(ProblemOfForms):
             (petsc_options_prefix, dict(petsc_options or {})),
             boundaries,
             effects,
+            density,
             **settings,
         )
         self.shapes, fields = self.linear.foundations.moving, self.linear.fields
@@ -273,7 +295,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.gap = fields.gap
         self.slip = fields.slip
         remembers = None if kept is None else KeptFunctions(kept)
-        actions = commit, remembers, max_newton, stability
+        actions = commit, remembers, max_newton, stability and not self.linear.moves
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
         further = "; or raise max_newton, or give the derivative of F as J"
         self._solver.cures = {Status.NOT_SOLVED: f"{Status.NOT_SOLVED.advice}{further}"}
@@ -342,7 +364,7 @@ class NonlinearContactProblem(ProblemOfForms):
         (cells,), or with ``strain`` also of that of the strain, shape (2, cells), and the norms of
         both; or why they are not known; collective.
         """
-        stress = stress_of(self._solver.tangents.lowered, self.u)
+        stress = stress_of(lowered(self._stated), self.u)
         parts = self.linear.forms.parts
         squares, size = squared_errors(stress, self.u, parts)
         if not size > 0:
@@ -360,7 +382,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def _loaded(self) -> Indices:
         """The exterior facets of this rank on which F has forces."""
-        integrals = self._solver.tangents.lowered.integrals_by_type("exterior_facet")
+        integrals = lowered(self._stated).integrals_by_type("exterior_facet")
         mesh = self.u.function_space.mesh
         return np.concatenate(
             [np.zeros(0, np.int32), *(exterior_facets(integral, mesh) for integral in integrals)]
@@ -396,6 +418,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return self.linear.foundations.rigid_bodies.motions
 
     def _differentiated(self) -> tuple[Any, ...]:
+        self.linear.refuse_moving(UNDERIVED)
         named = self.solution.model
         body = copy(self.linear)  # which is assembled in its place
         return lambda: named, linearised_at(self._solver, body), body.data_now
@@ -410,6 +433,7 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an
                 exception.
         """
+        self.linear.refuse_moving(LASTS)
         self._ends = []
         self._solver.begin_path()
         self.linear.several = False

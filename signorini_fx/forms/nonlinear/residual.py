@@ -24,7 +24,8 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
 from signorini_fx.mechanics.body.deformation import CellSlopes
 from signorini_fx.mechanics.mesh.points import determinants
-from signorini_fx.mechanics.state import Field, at_cells
+from signorini_fx.mechanics.state import Field, State, at_cells
+from signorini_fx.mechanics.step_effect import SteppedForms
 from signorini_fx.tuned import (
     DIFFERENCE_STRAINS,
     NEGLIGIBLE,
@@ -87,11 +88,28 @@ class Residual:
     loads: Array | float = (
         0.0  # forces on the body beside F, shape (owned dofs,); a number: the same at all
     )
+    # What a step is solved with in place of F, and what acts beside the loads; None: F itself.
+    stepped: SteppedForms | None = None
+    further: Array | float = 0.0
+    whole: fem.Form | None = None  # F itself, where ``form`` is that of a step
     _slopes: CellSlopes | None = field(default=None, init=False)  # of the mesh where it is
 
     def assembled(self) -> Array:
         """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
-        return assemble(self.form) - self.loads
+        return assemble(self.form) - self.loads - self.further
+
+    def begin(self, state: State, dt: float) -> None:
+        """Go to the step from a state, of a duration, with the loads of its end."""
+        if self.stepped is not None:
+            self.further = self.stepped.begin(state, dt, self.loads)
+
+    def internal(self, values: Array) -> Array:
+        """F itself at values of ``u``, ghosts included, which it keeps; collective."""
+        kept = self.u.x.array.copy()
+        self.u.x.array[:] = values
+        forces = assemble(self.whole or self.form)
+        self.u.x.array[:] = kept
+        return forces
 
     def at(self, values: Array) -> Array | None:
         """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is
@@ -178,11 +196,6 @@ class Tangents:
         return self._compiled(self._J) if self.given else self.derivative
 
     @cached_property
-    def lowered(self) -> Any:
-        """F by components, with its derivatives carried out, UFL."""
-        return apply_derivatives(apply_algebra_lowering(self._F))
-
-    @cached_property
     def bilinear(self) -> Any:
         """F' in UFL where it is the same at all displacements; else, and where there is one of the
         user's, None.
@@ -190,7 +203,7 @@ class Tangents:
         if self.given:
             return None
         form = apply_derivatives(
-            ufl.derivative(self.lowered, self._u, ufl.TrialFunction(self._u.function_space))
+            ufl.derivative(lowered(self._F), self._u, ufl.TrialFunction(self._u.function_space))
         )
         return None if self._u in form.coefficients() else form
 
@@ -204,6 +217,11 @@ class Tangents:
     def _compiled(self, form: Any) -> fem.Form:
         with compiling():
             return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
+
+
+def lowered(F: Any) -> Any:
+    """F by components, with its derivatives carried out, UFL."""
+    return apply_derivatives(apply_algebra_lowering(F))
 
 
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:

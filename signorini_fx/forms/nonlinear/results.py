@@ -183,10 +183,13 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
-    contact = StepContact(linear.elastic, boundary, regularised.gap, regularised, law, None)
+    drift = foundations.motion_at(boundary, linear.begin) if body.effects else None
+    contact = StepContact(
+        linear.elastic, boundary, regularised.gap, regularised, law, drift, linear=False
+    )
     for effect in body.effects:
         contact = effect.contact(contact, linear.begin, foundations.dt)
-    points = judged_corners(boundary, contact.gap, shapes, foundations.displacement)
+    points = judged_corners(boundary, contact.data.gap, shapes, foundations.displacement)
     return ContactConditions(*points, contact.law, regularised.bilateral, pairs, None)
 
 
@@ -200,6 +203,11 @@ class SolvedBody(Report):
     solved: Solved
     forms: GivenForms
     iterations: int = 0
+
+    @property
+    def internal(self) -> Callable[[Array], Array]:  # type: ignore[override]
+        """See ``StepEnd``."""
+        return self.solved.body.evaluated.internal
 
     @property
     def end(self) -> tuple[StepResult, ResidualMechanics]:
@@ -243,15 +251,19 @@ class SolvedBody(Report):
             displacement=y,
             contact=solved.state if body.contact else None,
             certificate=certificate,
-            deformation=deformation_of(elastic, u, linear.scales.size),
+            deformation=deformation_of(elastic, u, linear.scales.size, moves=body.moves),
             strain_energy=certificate.strain_energy,
             linear_solves=solves,
             rigid_bodies=body.foundations.rigid_bodies.motions,
         )
         mechanics = NonlinearMechanics(elastic, [(step, end)], forms.boundaries)
-        gap = np.zeros(0) if end.contact is None else end.contact.gap
         loads = Loads(np.zeros(elastic.fixed.size) + body.evaluated.loads, linear.prescribed[1])
-        posed = replace(linear.posed, gap=gap, loads=loads)
+        pairs: Any = {**body.foundations.pairs, **body.foundations.sliding}
+        named = replace(elastic, law=linear.start.law, pairs=pairs)
+        if (given := body.model_of_scene) is not None:
+            said = given.statement
+            named = replace(named, statement=said, contacts=said.contact, tagged=given.tagged)
+        posed = replace(linear.posed, body=named, loads=loads)
         outcome = solved.outcome
         ended = (posed, linear.start, outcome, outcome.problem.data)
         return cls(step, mechanics, *ended, solved, forms, iterations)

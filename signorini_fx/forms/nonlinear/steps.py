@@ -122,6 +122,7 @@ class NonlinearSteps:
         body.several = self.path.several
         body.foundations.dt = time - state.time
         self.go_to(place)
+        self.solver.residual.begin(state, body.foundations.dt)
         laws = [entry.friction for entry in body.contact]
         if any(law is not None and law.follows_slip for law in laws):
             refuse_no_duration(body.foundations.dt)

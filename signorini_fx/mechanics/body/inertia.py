@@ -15,6 +15,12 @@ not inside at the end:
 
 The term of lambda_n gives back the penetration of the regularisation, which would otherwise grow
 with each step like that of a dashpot; the law of y is twice as stiff, so that u_(n+1) has gamma.
+
+Newton's method of a nonlinear body finds w = u_(n+1), as shapes are met at X + w:
+
+    F((u_n + w) / 2) + 2 M (w - u_n - tau v_n) / tau^2 + B(w)^T (lambda, mu) = f.
+
+A point that is pressed stays as deep inside as it was.
 """
 
 from __future__ import annotations
@@ -27,6 +33,8 @@ import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 from petsc4py import PETSc
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.arrays import Array, inner
@@ -41,10 +49,17 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
+from signorini_fx.mechanics.step_effect import (
+    AddedForces,
+    StepContact,
+    StepEffect,
+    StepEnd,
+    SteppedForms,
+)
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
+_POINTS_OF_WORK = 3  # along a step: its error is of the order of their number, twice
 _LEAST_STEP = 0.5  # of the time that a wave takes through a cell: below it the mesh rings
 
 
@@ -85,7 +100,7 @@ class MidpointRule(StepEffect):
         else:
             static = self.start == "static"
         if static:
-            return state
+            return state.with_field("first velocity", "dofs", self._initial_velocity(model))
         statement = model.statement.placed(0.0)
         placed = tuple(getattr(one.foundation, "placement", None) for one in statement.contact)
         state = replace(state, number=1, time=statement.time_at(0.0), placed=placed)
@@ -125,7 +140,9 @@ class MidpointRule(StepEffect):
             raise SceneError.at("inertia.time_step", reason)
 
     def shortest(self, model: Model) -> float:
-        return 0.0 if model.boundary is None else _LEAST_STEP * self.smallest_cell(model)[0]
+        if model.boundary is None or not model.statement.material:  # of forms none is known
+            return 0.0
+        return _LEAST_STEP * self.smallest_cell(model)[0]
 
     def smallest_cell(self, model: Model) -> tuple[float, float]:
         """Return the time in which a wave passes the smallest cell in contact, and its height,
@@ -173,11 +190,43 @@ class MidpointRule(StepEffect):
             model, terms=lambda: (*model.forms, _mass_form(model, 4.0 / dt**2)), resists=resists
         )
 
+    def stepped(self, F: Any, J: Any, u: fem.Function, density: Any) -> SteppedForms:
+        space = u.function_space
+        share = fem.Constant(space.mesh, default_scalar_type(1.0))
+        factor = fem.Constant(space.mesh, default_scalar_type(0.0))
+        begun = fem.Function(space)
+        aim = fem.Function(space)
+        middle = {u: share * u + (1.0 - share) * begun}
+        if isinstance(J, fem.Form):
+            raise FormError.at("J", "must be UFL, not compiled, with inertia")
+        mass = _mass_of(density, space)
+        # Integrals of one form share their subdomains.
+        data = next(one.subdomain_data() for one in F.integrals_by_type("cell"))
+        integrals = [one.reconstruct(subdomain_data=data) for one in mass.integrals()]
+        mass = factor * ufl.Form(integrals)
+        trial = mass.arguments()[1]
+
+        def begin(state: State, dt: float, loads: Array | float) -> Array | float:
+            moves = "velocity" in state.fields
+            share.value = 0.5 if moves else 1.0
+            factor.value = 2.0 / dt**2 if moves else 0.0
+            if not moves:
+                return 0.0
+            begun.x.array[:] = state.displacement
+            aim.x.array[:] = state.displacement + dt * state.fields["velocity"].values.ravel()
+            return -_half_change(loads, state)
+
+        def in_middle(form: Any) -> Any:
+            return ufl.replace(apply_derivatives(apply_algebra_lowering(form)), middle)
+
+        residual = in_middle(F) + ufl.replace(mass, {trial: u - aim})
+        return SteppedForms(residual, None if J is None else share * in_middle(J) + mass, begin)
+
     def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
         if "velocity" not in state.fields:
             return None
         _, matrix = _mass(model)
-        forces = loads.forces - _half_change(loads, state)
+        forces = loads.forces - _half_change(loads.forces, state)
         # Counted from u_n displacements are small, and so is their round-off times gamma.
         for form in model.forms[:-1]:
             forces -= _action(form, model.space, state.displacement)
@@ -197,6 +246,8 @@ class MidpointRule(StepEffect):
         drift = None if contact.drift is None else 0.5 * contact.drift
         if model.boundary is None:
             return replace(contact, reference=state.displacement)
+        if not contact.linear:
+            return self._persistent(contact, state, dt)
         u, _ = model.contact.traces(model.vector(state.displacement))
         v, _ = model.contact.traces(model.vector(state.fields["velocity"].values.ravel()))
         moved = np.zeros_like(contact.gap)
@@ -220,6 +271,22 @@ class MidpointRule(StepEffect):
         reference = state.displacement
         return replace(contact, data=data, law=law, drift=drift, reference=reference, part=0.5)
 
+    @staticmethod
+    def _persistent(contact: StepContact, state: State, dt: float) -> StepContact:
+        """What holds for the displacement of the end: points that are pressed stay as deep inside
+        as they are, others where the old velocity would bring them in half a step.
+        """
+        model = contact.model
+        data = contact.data
+        reached, _ = model.contact.traces(model.vector(_aim(state, dt)))
+        if contact.drift is not None:
+            reached = reached + 0.5 * inner(contact.drift, contact.boundary.normal)
+        depth = np.maximum(reached - contact.gap, 0.0)
+        if state.contact is not None and (earlier := state.fields.get("contact")) is not None:
+            depth = np.where(state.contact.pressure > 0.0, earlier.values.ravel(), depth)
+        depth[data.bilateral] = 0.0
+        return replace(contact, data=replace(data, gap=contact.gap + depth))
+
     def forces(
         self, model: Model, loads: Loads, state: State, dt: float, y: Array
     ) -> AddedForces | None:
@@ -237,7 +304,7 @@ class MidpointRule(StepEffect):
         prescribed = 0.5 * (state.displacement + loads.prescribed)[:owned]
         return AddedForces(
             resisting=resisting.reshape(-1, dim),
-            loads=-_half_change(loads, state).reshape(-1, dim),
+            loads=-_half_change(loads.forces, state).reshape(-1, dim),
             prescribed=prescribed.reshape(-1, dim),
             lost=lost.reshape(-1, dim),
             energy=np.abs(kinetic).reshape(-1, dim).sum(axis=1),
@@ -252,11 +319,21 @@ class MidpointRule(StepEffect):
         model = ended.model
         if "velocity" in state.fields:
             new = self._moved(state, new, ended)
-        else:  # of statics
-            new = new.with_field("velocity", "dofs", self._initial_velocity(model))
+        elif ended.place < 0.0:  # a part of the loads of statics
+            return new
+        else:
+            fields = {**new.fields, "velocity": new.fields["first velocity"]}
+            del fields["first velocity"]
+            new = replace(new, fields=fields)
+            if ended.internal is not None:
+                strained = _strain_work(ended, np.zeros_like(new.displacement), new.displacement)
+                new = new.with_field("energy", "global", [abs(strained), strained])
         new = new.with_field("load", "dofs", _with_ghosts(model, ended.loads.forces))
         if ended.contact is None:
             return new
+        if ended.internal is not None:
+            depth = np.maximum(ended.contact.gap - ended.gap, 0.0)
+            return new.with_field("contact", "points", depth)
         assert new.gammas is not None
         penetration = ended.contact.pressure / new.gammas[0]
         if ended.augmented:
@@ -268,23 +345,27 @@ class MidpointRule(StepEffect):
         model = ended.model
         mean, free = _velocities_of(state, ended)
         velocity = free + _held_change(model, new, mean - free)
-        assert new.gammas is not None
-        contact = new.contact
-        if contact is not None and not ended.augmented:
-            # The law of the middle is twice as stiff.
-            elastic = 2.0 * contact.elastic - ended.elastic
-            contact = replace(contact, elastic=elastic)
-        new = replace(
-            new,
-            displacement=state.displacement + ended.dt * mean,
-            contact=contact,
-            gammas=(0.5 * new.gammas[0], 0.5 * new.gammas[1]),
-        )
-        most = max(
-            0.0 if (earlier := state.fields.get("energy")) is None else float(earlier.values[0]),
-            *(_kinetic(model, one) for one in (state.fields["velocity"].values.ravel(), velocity)),
-        )
-        new = new.with_field("energy", "global", [most])
+        energies = _energies(state)
+        if ended.internal is not None:
+            energies[1:] += _strain_work(ended, state.displacement, new.displacement)
+        else:
+            assert new.gammas is not None
+            energies = energies[:1]
+            contact = new.contact
+            if contact is not None and not ended.augmented:
+                # The law of the middle is twice as stiff.
+                elastic = 2.0 * contact.elastic - ended.elastic
+                contact = replace(contact, elastic=elastic)
+            new = replace(
+                new,
+                displacement=state.displacement + ended.dt * mean,
+                contact=contact,
+                gammas=(0.5 * new.gammas[0], 0.5 * new.gammas[1]),
+            )
+        moving = [state.fields["velocity"].values.ravel(), velocity]
+        kinetic = [_kinetic(model, one) for one in moving]
+        energies[0] = max(energies[0], *kinetic, *np.abs(energies[1:]))
+        new = new.with_field("energy", "global", energies)
         return new.with_field("velocity", "dofs", velocity)
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
@@ -292,22 +373,27 @@ class MidpointRule(StepEffect):
         owned = model.fixed.size
         static = model.forms[:-1] if "velocity" in state.fields else model.forms
 
-        def strain(u: Array) -> float:
+        def strain(of: State) -> float:
+            if ended.internal is not None:
+                return float(_energies(of)[1])
+            u = of.displacement
             forces = sum(_action(form, model.space, u) for form in static)
             return 0.5 * _sum(model, np.asarray(forces) @ u[:owned])
 
+        if "velocity" not in new.fields:
+            return {}
         end = _kinetic(model, new.fields["velocity"].values.ravel())
-        energies = {"kinetic_energy": end, "strain_energy": strain(new.displacement)}
+        energies = {"kinetic_energy": end, "strain_energy": strain(new)}
         if "velocity" not in state.fields:
             return {**energies, "contact_loss": 0.0, "energy_error": 0.0}
         _, free = _velocities_of(state, ended)
         before = _kinetic(model, state.fields["velocity"].values.ravel())
         unheld = _kinetic(model, free)
         step = (new.displacement - state.displacement)[:owned]
-        work = _sum(model, (ended.loads.forces - _half_change(ended.loads, state)) @ step)
+        work = _sum(model, (ended.loads.forces - _half_change(ended.loads.forces, state)) @ step)
         pressed, lost = self._contact_work(state, new, ended)
         supported = self._support_work(step, ended)
-        change = unheld - before + energies["strain_energy"] - strain(state.displacement)
+        change = unheld - before + energies["strain_energy"] - strain(state)
         largest = max(float(new.fields["energy"].values[0]), abs(work), abs(pressed))
         error = change - work - supported + pressed
         return {
@@ -372,14 +458,17 @@ def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
     """The compiled form of the mass times a factor; collective."""
     space = model.space
     assert model.density is not None
-    given = model.density()
     scale = fem.Constant(space.mesh, default_scalar_type(1.0 if factor is None else factor))
-    if isinstance(given, ufl.Form):
-        return compile_form(scale * given)
+    return compile_form(scale * _mass_of(model.density(), space))
+
+
+def _mass_of(density: Any, space: fem.FunctionSpace) -> Any:
+    """The form of the mass in UFL, of a density or itself."""
+    if isinstance(density, ufl.Form):
+        return density
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     degree = 2 * space.element.basix_element.degree + 2
-    dx = ufl.dx(metadata={"quadrature_degree": degree})
-    return compile_form(scale * given * ufl.inner(u, v) * dx)
+    return density * ufl.inner(u, v) * ufl.dx(metadata={"quadrature_degree": degree})
 
 
 def _mass(model: Model) -> tuple[fem.Form, PETSc.Mat]:
@@ -410,6 +499,23 @@ def _kinetic(model: Model, velocity: Array) -> float:
     return 0.5 * _sum(model, _times(matrix, velocity) @ velocity[: model.fixed.size])
 
 
+def _energies(state: State) -> Array:
+    """The largest energy so far, and the energy of the strains of a nonlinear body."""
+    earlier = state.fields.get("energy")
+    return np.zeros(2) if earlier is None else earlier.values.astype(np.float64)
+
+
+def _strain_work(ended: StepEnd, begin: Array, end: Array) -> float:
+    """The work of the forces of a nonlinear body from one displacement to another, an energy where
+    they have one; collective.
+    """
+    assert ended.internal is not None
+    way = end - begin
+    points, weights = np.polynomial.legendre.leggauss(_POINTS_OF_WORK)
+    forces = [ended.internal(begin + 0.5 * (1.0 + point) * way) for point in points]
+    return _sum(ended.model, 0.5 * (weights @ forces) @ way[: ended.model.fixed.size])
+
+
 def _with_ghosts(model: Model, owned: Array) -> Array:
     """Values at all dofs of this rank from those that it owns; collective."""
     function = fem.Function(model.space)
@@ -429,17 +535,20 @@ def _aim(state: State, dt: float) -> Array:
     return state.displacement + 0.5 * dt * state.fields["velocity"].values.ravel()
 
 
-def _half_change(loads: Loads, state: State) -> Array:
-    """What loads at the end of a step are more than in its middle, shape (owned dofs,)."""
+def _half_change(forces: Any, state: State) -> Any:
+    """What loads at the end of a step are more than in its middle, shape (owned dofs,), or 0 where
+    there are none.
+    """
     earlier = state.fields.get("load")
     if earlier is None:
-        return np.zeros_like(loads.forces)
-    return 0.5 * (loads.forces - earlier.values.ravel()[: loads.forces.size])
+        return 0.0 * forces
+    return 0.5 * (forces - earlier.values.ravel()[: np.size(forces)])
 
 
 def _velocities_of(state: State, ended: StepEnd) -> tuple[Array, Array]:
     """The mean velocity of a step, and that at its end if nothing holds, shapes (dofs,)."""
-    mean = np.asarray(2.0 * (ended.solved - state.displacement) / ended.dt)
+    way = ended.solved - state.displacement
+    mean = np.asarray((2.0 if ended.internal is None else 1.0) * way / ended.dt)
     return mean, 2.0 * mean - state.fields["velocity"].values.ravel()
 
 

@@ -104,7 +104,7 @@ class Inertia(Effect):
             "mixed element": "is not possible yet with inertia: use 'reduced'",
             "preload": "is not possible yet with inertia: prescribe a displacement",
             "axisymmetric, torsion": "is not possible yet with inertia: leave out material.torsion",
-            "nonlinear material": "is not possible yet with inertia: it must be linear",
+            "material with a state": "is not possible yet with inertia: take one without memory",
             "driven foundation": "is not possible yet with inertia, as it has no mass: prescribe "
             "its motion",
         }
