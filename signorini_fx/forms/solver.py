@@ -93,10 +93,10 @@ class BodyOfForms:
         self.history = History()
         self.folders = list[Path]()  # with the load steps of its runs
         self.density = density
-        self._check_parts()
         self.effects = (*effects_of_contact(forms.contact), *effects)
         # Whether effects may move the body far without deforming it.
         self.moves = any(effect.moves_bodies for effect in self.effects)
+        self._check_parts()
         self._mesh_x = space.mesh.geometry.x.copy()  # with which all that is kept was assembled
         self._state: ContactState | None = None
 
@@ -107,6 +107,9 @@ class BodyOfForms:
             FormError: there is such a thing.
         """
         problems = list[tuple[str, str]]()
+        if self.moves and self.foundations.rigid_bodies.bodies:
+            reason = "rigid bodies that forces move have no mass in forms yet: prescribe the motion"
+            problems.append(("density", reason))
         inertia = [("inertia", "density")] * (self.density is not None)
         uses = [*self.refused_features, *inertia]
         for number, contact in enumerate(self.contact):

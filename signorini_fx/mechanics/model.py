@@ -48,7 +48,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
 from signorini_fx.mechanics.rigid.rigid_motions import (
     RigidMotions,
     nearest_motion,
@@ -78,10 +78,12 @@ class Loads:
         forces: on the owned dofs, shape (owned dofs,).
         prescribed: displacements that supports prescribe, zero elsewhere, ghosts included, length,
             shape (dofs,).
+        drives: of rigid bodies, see ``RigidBodies.drives``.
     """
 
     forces: Array
     prescribed: Array
+    drives: Sequence[Drive] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -570,6 +572,15 @@ class Model:
             assert self.motions.foundations is not None
             driven = driven - self.motions.foundations @ resting.motion
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
+
+    def unknowns_at(self, displacement: Array, rigid: Array) -> PETSc.Vec:
+        """Return the unknowns x, but a pressure, of a displacement, ghosts included, shape (dofs,),
+        and of rigid bodies, shape (k,).
+        """
+        x = self.vector(displacement)
+        if rigid.size:
+            self.begin_driven(x, rigid, None)
+        return x
 
     def forces_of(self, values: Array) -> Array:
         """a(y, .) of a displacement, ghosts included, supports left out, shapes (dofs,), (owned

@@ -26,6 +26,7 @@ from signorini_fx.extensions import STEP_EFFECTS, load_class
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Loads, Model
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import ContactPart, Effect
 from signorini_fx.mechanics.statement.statement import Statement
@@ -83,6 +84,7 @@ class AddedForces:
         lost: round-off of ``resisting``, of the same shape.
         energy: another energy that stresses may come from, such as the kinetic one, shape (owned
             nodes,).
+        drives: what drives rigid bodies, in place of that of the end of the step; empty: that.
     """
 
     resisting: Array
@@ -90,6 +92,7 @@ class AddedForces:
     prescribed: Array
     lost: Array
     energy: Array
+    drives: Sequence[Drive] = ()
 
 
 @dataclass(frozen=True)
@@ -209,11 +212,11 @@ class StepEffect:
         """
         return None
 
-    def solved(self, state: State, new: State) -> Array:
-        """Return the displacement that the contact problem of a step between two states was solved
-        for, ghosts included, length, shape (dofs,).
+    def solved(self, state: State, new: State) -> State:
+        """Return a new state with the displacement, and the coordinates of rigid bodies, that the
+        contact problem of the step that has led to it was solved for.
         """
-        return new.displacement
+        return new
 
     def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
         """Return the state to begin the same step from again, with what its solution says in fields

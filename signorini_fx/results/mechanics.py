@@ -119,10 +119,12 @@ class Mechanics(ABC):
         arguments see ``results.certificate.certificate.judged``; collective.
         """
         balance = self.balance(displacement, step)
+        driving: Sequence[Drive] = self.drives(step)
         for add in more:
             if (added := add(displacement.x.array)) is not None:
                 balance = balance.with_added(added)
-        drives = [*zip(rigid, self.drives(step), strict=bool(rigid))]
+                driving = added.drives or driving
+        drives = [*zip(rigid, driving, strict=bool(rigid))]
         law = replace(law, overclosures=overclosures_of(self.model.contacts))
         contact = self.conditions(displacement)
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
@@ -147,7 +149,7 @@ class StatedMechanics(Mechanics):
         return hard_foundations(now, model.kinematics)
 
     def loads_at(self, step: float) -> Loads:
-        return self.model.loads_at(step)
+        return replace(self.model.loads_at(step), drives=self.drives(step))
 
     def load(self, system: ElasticSystem, step: float) -> Array:
         for number, load in enumerate(self.model.applied):

@@ -435,15 +435,18 @@ class StatedProblem:
             return body
         of_body = dict[str, Any]()
         of_contact = dict[str, Any]()
+        boundary = stepped.boundary
         if dt in self._timed:
             earlier, timed = self._timed[dt]
             if earlier.of_body is body.of_body:
                 of_body = timed.of_body
             if earlier.of_contact is body.of_contact:
                 of_contact = timed.of_contact
+                boundary = timed.boundary
         while len(self._timed) > 1:
             self._timed.pop(next(iter(self._timed)))
-        stepped = replace(stepped, of_body=of_body, of_contact=of_contact, eliminated=None)
+        stepped = replace(stepped, of_body=of_body, of_contact=of_contact, boundary=boundary)
+        stepped = replace(stepped, eliminated=None)
         self._timed[dt] = body, stepped
         return stepped
 

@@ -237,7 +237,7 @@ def recalled_equilibrium(
     posed, start = tightened(posed, start, new.found)
     solved = new
     for effect in problem.effects:
-        solved = replace(solved, displacement=effect.solved(state, solved))
+        solved = effect.solved(state, solved)
     outcome = solution_of(posed, start, solved, **method)
     return new, judged(problem, posed, start, before, outcome, state, time)[1]
 
@@ -327,17 +327,19 @@ def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
     displacement.x.array[:] = new.displacement
     contact = result.contact
     if contact is not None:
-        u_n, u_t = body.contact.traces(body.vector(new.displacement))
+        u_n, u_t = body.contact.traces(body.unknowns_at(new.displacement, new.rigid))
         slip, xi = (np.divide(way, posed.part) for way in (contact.slip_length, contact.xi))
         dt = contact.dt / posed.part
         contact = replace(contact, gap=posed.gap, u_n=u_n, u_t=u_t, slip_length=slip, xi=xi, dt=dt)
     balance = report.mechanics.balance(displacement, report.start.place)
     owned = displacement.x.array[: balance.internal.size].reshape(balance.internal.shape)
     moves = any(effect.moves_bodies for effect in problem.effects)
+    rigid = replace(body.rigid, bodies=body.statement.rigid_bodies)
     return replace(
         result,
         displacement=displacement,
         contact=contact,
+        rigid_bodies=rigid.moved(new.rigid) if new.rigid.size else (),
         deformation=deformation_of(body, displacement, body.tagged.size, moves=moves),
         strain_energy=balance.strain_energy(balance.works(owned)),
     )

@@ -31,6 +31,7 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import certified
+from signorini_fx.machine import parallel
 from signorini_fx.machine.result_files import read_csv
 from signorini_fx.mechanics.body.inertia import _mass, _times
 from signorini_fx.mechanics.model import Model
@@ -437,6 +438,80 @@ def test_a_block_on_a_belt(speed, period):
     assert np.diff(times[peaks]).mean() == pytest.approx(period, rel=0.01)
 
 
+def tool(boundary="top", **keys):
+    """A contact with a rigid plate above the block that flies on it, turning; None: without a
+    key.
+    """
+    keys = {
+        **plane_shape([0.5, 0.5], [0.0, -1.0]),
+        "pivot": [0.6, 0.6],
+        "mass": 0.7,
+        "moment_of_inertia": 0.1,
+        "velocity": {"x": 0.02, "y": -0.1, "rotation": 0.01},
+        **keys,
+    }
+    return {"boundary": boundary, "foundation": {k: v for k, v in keys.items() if v is not None}}
+
+
+SOFT = {
+    "mesh": rectangle_mesh(6, 3, length=1.0, height=0.5),
+    "material": of_law("linear", young=100.0),
+    "inertia": {"time_step": 0.02},
+    "initial_velocity": None,
+    "gravity": None,
+    "load_steps": {"times": [0.0, 0.04, 0.2]},
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("coefficient", [0.0, 0.3])
+def test_a_rigid_plate_hits_a_free_block(coefficient):
+    """Momentum and moment of momentum of both stay, and so does the energy but for what contact
+    takes.
+    """
+    touches = {**tool(), "friction": {"law": "coulomb", "coefficient": coefficient}}
+    solution = solve(changed(BLOCK, **SOFT, contact=[touches]))
+    assert abs(solution.steps[0].contact.forces[0]).max() > 0.3
+    (plate,) = solution.last_step.rigid_bodies
+    rates = solution.state.fields["rigid velocity"].values / solution.model.rigid.units
+    _, mass = _mass(solution.model)
+    velocity = solution.state.fields["velocity"].values.ravel()
+    momentum = _times(mass, velocity).reshape(-1, 2)
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    arm = x[: len(momentum), :2] - plate.reference
+    turning = arm[:, 0] * momentum[:, 1] - arm[:, 1] * momentum[:, 0]
+    local = np.array([*momentum.sum(axis=0), turning.sum()])
+    of_block = parallel.global_sum(MPI.COMM_WORLD, local)
+    assert_allclose(of_block + rates * [0.7, 0.7, 0.1], [0.014, -0.07, 0.001], atol=1e-11)
+    figures = [figures for _, figures in told(solution)]
+    assert max(abs(each["energy_error"]) for each in figures) < 1e-10
+    lost = sum(each["contact_loss"] for each in figures)
+    assert 0.0 < lost < 0.25 * figures[-1]["kinetic_energy"]
+    slowed = plate.translation[0] < 0.004 - 1e-6
+    assert slowed == (coefficient > 0.0)
+
+
+def test_a_rigid_plate_bounces_on_a_spring():
+    """As a point of its mass on a light block: half a period, and the largest force."""
+    stiffness, tau = 200.0, 0.005
+    held = {"x": 0.0, "rotation": 0.0}
+    entries = {
+        "material": of_law("linear", young=100.0, poisson=0.0, density=0.01),
+        "displacement": [fixed("bottom", "y"), fixed("left", "x")],
+        "inertia": {"time_step": tau},
+        "load_steps": {"times": (tau * np.arange(50)).tolist()},
+        "contact": [tool(moment_of_inertia=None, prescribed=held, velocity={"y": -0.01})],
+    }
+    solution = solve(changed(BLOCK, initial_velocity=None, gravity=None, **entries))
+    forces = np.array([-each.contact.forces[0][1] for each in solution.steps])
+    half = np.pi * np.sqrt(0.7 / stiffness)
+    assert tau * np.count_nonzero(forces) == pytest.approx(half, rel=0.03)
+    assert forces.max() == pytest.approx(0.01 * np.sqrt(stiffness * 0.7), rel=0.01)
+    assert solution.state.fields["rigid velocity"].values[1] == pytest.approx(0.01, rel=5e-3)
+    figures = [figures for _, figures in told(solution)]
+    assert max(abs(each["energy_error"]) for each in figures) < 1e-11
+
+
 COARSE = rectangle_mesh(2, 20, length=0.1, height=1.0)
 BASE = [fixed("bottom")]
 PULLED = {
@@ -663,15 +738,23 @@ class Killed(Exception):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("accuracy", [None, 0.01])
-def test_a_killed_run_goes_on(tmp_path, accuracy, law):
+@pytest.mark.parametrize(
+    ("law", "accuracy", "plate"),
+    [
+        *((law, accuracy, False) for law in LAWS for accuracy in (None, 0.01)),
+        ("linear", None, True),
+    ],
+)
+def test_a_killed_run_goes_on(tmp_path, law, accuracy, plate):
     """From one rank, in the middle of its load steps, on any number of them."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path)
     inertia = {"time_step": None if accuracy else 0.1, "start": "static"}
     times = {"times": [0.0, 0.5, 1.0], "time_accuracy": accuracy}
     scene = changed(BLOCK, inertia=inertia, load_steps=times, material=of_law(law))
+    if plate:
+        contact = [tool(), {"boundary": "bottom"}]
+        scene = changed(BLOCK, **{**SOFT, "load_steps": times}, contact=contact)
 
     def stop(record):
         if isinstance(record, StepRecord) and record.time == 1.0:
@@ -683,7 +766,7 @@ def test_a_killed_run_goes_on(tmp_path, accuracy, law):
     comm.barrier()
     ended = solve(scene, checkpoint=folder, restart=True)
     whole = solve(scene)
-    assert [each.time for each in ended.steps] == [0.0, 0.5, 1.0]
+    assert [each.time for each in ended.steps] == [0.0, 0.5, 1.0][plate:]
     assert len(told(ended)) == len(told(whole)) >= 5
     assert ended.last_step.figures == pytest.approx(whole.last_step.figures, rel=1e-4, abs=1e-9)
     for (_, ours), (_, theirs) in zip(told(ended), told(whole), strict=True):
@@ -708,21 +791,26 @@ REFUSED = {
         "moves a node whose displacement is prescribed",
     ),
     "body": ({"initial_velocity": [{"body": "ball", "y": -1.0}]}, "has no region 'ball'"),
-    "tool": (
-        {
-            "contact": [
-                {
-                    "boundary": "bottom",
-                    "foundation": {
-                        "shape": "plane",
-                        "point": [0, 0],
-                        "normal": [0, 1],
-                        "force": [0.0, 1.0],
-                    },
-                }
-            ]
-        },
-        "as it has no mass: prescribe",
+    "tool without a mass": (
+        {"contact": [tool(mass=None)]},
+        r"contact\[0\].foundation.mass: is needed by inertia: give it, or prescribe",
+    ),
+    "tool that may turn": (
+        {"contact": [tool(moment_of_inertia=None)]},
+        r"contact\[0\].foundation.moment_of_inertia: is needed by inertia",
+    ),
+    "tool in the plane": ({"contact": [tool(moment_of_inertia=[1.0] * 3)]}, "give a number"),
+    "speed that is held": (
+        {"contact": [tool(prescribed={"y": 0.0})]},
+        "velocity.y: has no effect on a component that is prescribed",
+    ),
+    "mass at rest": (
+        {"inertia": None, "initial_velocity": None, "contact": [tool()]},
+        "foundation.mass: needs inertia",
+    ),
+    "tool on rubber": (
+        {"material": of_law("neo-hooke"), "contact": [tool()]},
+        "has no mass yet beside a nonlinear material",
     ),
     "metal": (
         {"material": of_law("j2", yield_stress=1.0)},

@@ -700,9 +700,7 @@ class NonlinearBody(BodyOfForms):
         way = self.way(boundary, before)
         if boundary.moving is not None:  # slips on tools count from there by their finite motion
             places = places - boundary.moving.modes @ tools.coordinates
-            on_tools = np.isin(
-                boundary.part, [part for body in tools.bodies for part in body.parts]
-            )
+            on_tools = np.isin(boundary.part, tools.parts)
             origin = np.where(on_tools[:, None], components(places - way, tangents), origin)
         if state is not None and len(bent.hessians) == boundary.size == state.boundary.size:
             slip = components(places, tangents) - origin

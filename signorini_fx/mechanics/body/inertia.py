@@ -47,6 +47,18 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     node_positions,
 )
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
+from signorini_fx.mechanics.rigid.moving_masses import (
+    energy_of_springs,
+    free_motion,
+    in_middle,
+    kinetic_energy,
+    mean_loads,
+    moved_on,
+    refuse_massless,
+    set_in_motion,
+    velocity_of,
+    with_masses,
+)
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.step_effect import (
@@ -99,6 +111,8 @@ class MidpointRule(StepEffect):
             static = loaded and not model.statement.effects.get("initial_velocity", ())
         else:
             static = self.start == "static"
+        drives = model.statement.drives(model.dimension, 0.0)
+        state = set_in_motion(model.rigid, state, drives)
         if static:
             return state.with_field("first velocity", "dofs", self._initial_velocity(model))
         statement = model.statement.placed(0.0)
@@ -126,7 +140,10 @@ class MidpointRule(StepEffect):
         return velocity.ravel()
 
     def _check(self, model: Model) -> None:
-        """Refuse time steps that are too short for the cells in contact; collective."""
+        """Refuse rigid bodies without a mass, and time steps that are too short for the cells in
+        contact; collective.
+        """
+        refuse_massless(model.rigid)
         if model.boundary is None or self.time_step is None:
             return
         passing, height = self.smallest_cell(model)
@@ -186,9 +203,12 @@ class MidpointRule(StepEffect):
             return model
         mass, _ = _mass(model)
         resists = None if model.resists is None else (mass, *model.resists)  # the larger pattern
-        return replace(
-            model, terms=lambda: (*model.forms, _mass_form(model, 4.0 / dt**2)), resists=resists
-        )
+        factor = 4.0 / dt**2
+
+        def terms() -> tuple[fem.Form, ...]:
+            return *model.forms, _mass_form(model, factor)
+
+        return with_masses(replace(model, terms=terms, resists=resists), factor)
 
     def stepped(self, F: Any, J: Any, u: fem.Function, density: Any) -> SteppedForms:
         space = u.function_space
@@ -233,7 +253,10 @@ class MidpointRule(StepEffect):
         forces += 2.0 / dt * _times(matrix, state.fields["velocity"].values.ravel())
         held = model.vector(state.displacement)
         held.getArray()[: model.fixed.size][~model.fixed] = 0.0
-        return model.case(forces, 0.5 * (loads.prescribed - model.function(held).x.array))
+        driven = None
+        if model.rigid.bodies:
+            driven, _ = in_middle(model.rigid, state, loads.drives, dt)
+        return model.case(forces, 0.5 * (loads.prescribed - model.function(held).x.array), driven)
 
     def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
         if "velocity" not in state.fields:
@@ -248,8 +271,9 @@ class MidpointRule(StepEffect):
             return replace(contact, reference=state.displacement)
         if not contact.linear:
             return self._persistent(contact, state, dt)
-        u, _ = model.contact.traces(model.vector(state.displacement))
-        v, _ = model.contact.traces(model.vector(state.fields["velocity"].values.ravel()))
+        velocity = state.fields["velocity"].values.ravel()
+        u, _ = model.contact.traces(model.unknowns_at(state.displacement, state.rigid))
+        v, _ = model.contact.traces(model.unknowns_at(velocity, velocity_of(state)))
         moved = np.zeros_like(contact.gap)
         still: Any = np.ones(moved.size, dtype=bool)
         if contact.drift is not None:
@@ -307,13 +331,15 @@ class MidpointRule(StepEffect):
             loads=-_half_change(loads.forces, state).reshape(-1, dim),
             prescribed=prescribed.reshape(-1, dim),
             lost=lost.reshape(-1, dim),
+            drives=in_middle(model.rigid, state, loads.drives, dt)[1] if loads.drives else (),
             energy=np.abs(kinetic).reshape(-1, dim).sum(axis=1),
         )
 
-    def solved(self, state: State, new: State) -> Array:
+    def solved(self, state: State, new: State) -> State:
         if "velocity" not in state.fields:
-            return new.displacement
-        return 0.5 * (state.displacement + new.displacement)
+            return new
+        rigid = 0.5 * (state.rigid + new.rigid)
+        return replace(new, displacement=0.5 * (state.displacement + new.displacement), rigid=rigid)
 
     def after(self, state: State, new: State, ended: StepEnd) -> State:
         model = ended.model
@@ -362,35 +388,46 @@ class MidpointRule(StepEffect):
                 contact=contact,
                 gammas=(0.5 * new.gammas[0], 0.5 * new.gammas[1]),
             )
+            new = moved_on(model.rigid, state, new, ended.loads.drives, ended.dt)
         moving = [state.fields["velocity"].values.ravel(), velocity]
         kinetic = [_kinetic(model, one) for one in moving]
-        energies[0] = max(energies[0], *kinetic, *np.abs(energies[1:]))
+        of_rigid = [kinetic_energy(model.rigid, velocity_of(one)) for one in (state, new)]
+        energies[0] = max(energies[0], *np.add(kinetic, of_rigid), *np.abs(energies[1:]))
         new = new.with_field("energy", "global", energies)
         return new.with_field("velocity", "dofs", velocity)
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
         model = ended.model
         owned = model.fixed.size
-        static = model.forms[:-1] if "velocity" in state.fields else model.forms
+        moves = "velocity" in state.fields
+        static = model.forms[:-1] if moves else model.forms
+        factor = 4.0 / ended.dt**2 if moves else 0.0
+        rigid = model.rigid
 
         def strain(of: State) -> float:
             if ended.internal is not None:
                 return float(_energies(of)[1])
             u = of.displacement
             forces = sum(_action(form, model.space, u) for form in static)
-            return 0.5 * _sum(model, np.asarray(forces) @ u[:owned])
+            springs = energy_of_springs(model.rigid, of.rigid, factor)
+            return 0.5 * _sum(model, np.asarray(forces) @ u[:owned]) + springs
 
         if "velocity" not in new.fields:
             return {}
         end = _kinetic(model, new.fields["velocity"].values.ravel())
-        energies = {"kinetic_energy": end, "strain_energy": strain(new)}
-        if "velocity" not in state.fields:
+        of_rigid = kinetic_energy(rigid, velocity_of(new))
+        energies = {"kinetic_energy": end + of_rigid, "strain_energy": strain(new)}
+        if not moves:
             return {**energies, "contact_loss": 0.0, "energy_error": 0.0}
         _, free = _velocities_of(state, ended)
         before = _kinetic(model, state.fields["velocity"].values.ravel())
+        before += kinetic_energy(rigid, velocity_of(state)) - of_rigid
         unheld = _kinetic(model, free)
         step = (new.displacement - state.displacement)[:owned]
         work = _sum(model, (ended.loads.forces - _half_change(ended.loads.forces, state)) @ step)
+        if ended.loads.drives:
+            driven = free_motion(rigid, new.rigid - state.rigid)
+            work += float(mean_loads(rigid, state, ended.loads.drives) @ driven)
         pressed, lost = self._contact_work(state, new, ended)
         supported = self._support_work(step, ended)
         change = unheld - before + energies["strain_energy"] - strain(state)
@@ -409,8 +446,12 @@ class MidpointRule(StepEffect):
         if contact is None:
             return 0.0, 0.0
         model = ended.model
-        ends = [new.displacement, state.displacement]
-        later, earlier = (model.contact.traces(model.vector(u)) for u in ends)
+        later, earlier = (
+            model.contact.traces(
+                model.unknowns_at(of.displacement, free_motion(model.rigid, of.rigid))
+            )
+            for of in (new, state)
+        )
         weight = contact.boundary.weight
         pressure = (weight * contact.pressure) @ (later[0] - earlier[0])
         shear = weight @ inner(contact.shear, later[1] - earlier[1])
@@ -564,7 +605,7 @@ def _held_change(model: Model, new: State, change: Array) -> Array:
     if values is None or boundary is None or model.law is None:
         return held
     sticks = values.contact & ~values.direction.any(axis=1) & model.law.acts
-    sticks &= ~np.isin(boundary.part, list(model.pairs))
+    sticks &= ~np.isin(boundary.part, [*model.pairs, *model.rigid.parts])
     nodes = boundary.nodes[sticks]
     function = fem.Function(model.space)
     function.x.array[:] = held

@@ -378,17 +378,20 @@ def _without_speed(statement: Any, number: int) -> Contradictions:
 def _not_driven(statement: Any, number: int) -> Contradictions:
     """Yield the entries that cannot go together with a foundation of unknown motion, and why."""
     driven = statement.contact[number].driven
-    spring = driven.spring or {}
+    of_components = {key: getattr(driven, key) or {} for key in ("spring", "velocity")}
     if misfit := driven_twice([contact.driven for contact in statement.contact], number):
         yield ("contact", number, "foundation", "rigid"), misfit
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),
         (driven.moment is not None, "moment"),
         ((driven.prescribes("x"), driven.prescribes("rotation")) != (None, None), "prescribed"),
-        (bool(spring.get("x") or spring.get("rotation")), "spring"),
+        *((bool(of.get("x") or of.get("rotation")), key) for key, of in of_components.items()),
     ):
         if wrong and (reason := statement.kinematics.refuses.get("motion of a rigid body")):
             yield ("contact", number, "foundation", name), reason
+    for key in ("mass", "moment_of_inertia", "velocity"):
+        if getattr(driven, key) is not None and not statement.effects.get("inertia"):
+            yield ("contact", number, "foundation", key), "needs inertia = { time_step = ... }"
     if any(contact.moves for contact in statement.contact):
         reason = (
             "shift or rotation with t, here or elsewhere, and force, moment or prescribed: "

@@ -105,8 +105,6 @@ class Inertia(Effect):
             "preload": "is not possible yet with inertia: prescribe a displacement",
             "axisymmetric, torsion": "is not possible yet with inertia: leave out material.torsion",
             "material with a state": "is not possible yet with inertia: take one without memory",
-            "driven foundation": "is not possible yet with inertia, as it has no mass: prescribe "
-            "its motion",
         }
     }
 
@@ -152,6 +150,10 @@ class Inertia(Effect):
         elif self.time_step > shortest * (1 + SAME_NUMBER):
             reason = f"is {self.time_step:g}, longer than a load step of {shortest:g}"
             yield (*path, "time_step"), reason
+        if not all(material.linear for material in statement.material):
+            reason = "has no mass yet beside a nonlinear material: prescribe its motion by shift"
+            for body in statement.rigid_bodies:
+                yield ("contact", body.parts[0], "foundation"), reason
         for number, material in enumerate(statement.material):
             if material.density is None:
                 yield ("material", number), "has no density, which inertia needs"

@@ -78,6 +78,11 @@ class RigidBodies:
         rotations = len(self.kinematics.rotations)
         return np.array([1.0] * self.kinematics.dimension + [self.length] * rotations)
 
+    @property
+    def parts(self) -> list[int]:
+        """Return the places of their contacts."""
+        return [part for body in self.bodies for part in body.parts]
+
     def on(self, boundary: ContactBoundary) -> ContactBoundary:
         """The contact points on rigid bodies that move."""
         if not self.bodies:

@@ -18,7 +18,13 @@ from pydantic import AfterValidator
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.base import Table, at_time
 from signorini_fx.mechanics.statement.expressions import Expression, number
-from signorini_fx.mechanics.statement.values import Entries, NonNegative, TimedSampledValue, shown
+from signorini_fx.mechanics.statement.values import (
+    Entries,
+    NonNegative,
+    Positive,
+    TimedSampledValue,
+    shown,
+)
 
 Component = Literal["x", "y", "z", "rotation", "rotation_x", "rotation_y", "rotation_z"]
 COMPONENTS: dict[int, tuple[Component, ...]] = {
@@ -70,12 +76,19 @@ class RigidMotion(Table):
             small except with a nonlinear body; of the same kinds.
         spring: between its reference point and the ground, by the same names: force / length, and
             moment per radian; None: there is none.
+        mass: where it has inertia, in 2D per thickness; its centre is the reference point.
+        moment_of_inertia: about that point, mass times length squared; in 3D three, about axes
+            along x[0], x[1] and x[2].
+        velocity: at the first time, by the names of ``prescribed``, length or radians / time.
     """
 
     force: TimedVector | None = None
     moment: TimedAngle | None = None
     prescribed: Mapping[Component, Timed] | None = None
     spring: Mapping[Component, NonNegative] | None = None
+    mass: Positive | None = None
+    moment_of_inertia: Positive | Annotated[Entries[Positive], _of_length(3)] | None = None
+    velocity: Mapping[Component, float] | None = None
 
     def prescribes(self, component: Component) -> Any:
         """Return the prescribed value of a component of the motion; None: it is free."""
@@ -110,20 +123,33 @@ class RigidMotion(Table):
         """Return the stiffness of the springs for each component of the motion, shape (m,)."""
         return np.array([(self.spring or {}).get(name, 0.0) for name in COMPONENTS[dimension]])
 
+    def masses(self, dimension: int) -> Array:
+        """Return mass or moment of inertia of each component of the motion, shape (m,)."""
+        moments = entries_of(self.moment_of_inertia) or (0.0,) * (2 * dimension - 3)
+        return np.array([*(self.mass or 0.0,) * dimension, *moments])
+
+    def velocities(self, dimension: int) -> Array:
+        """Return the velocity of each component at the first time, shape (m,)."""
+        return np.array([(self.velocity or {}).get(name, 0.0) for name in COMPONENTS[dimension]])
+
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
         where = MESH_IS[dimension]
-        if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
-            yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
+        for key in ("moment", "moment_of_inertia"):
+            value = getattr(self, key)
+            if value is not None and isinstance(value, tuple) != (dimension == 3):
+                yield key, f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
         springs = {key: value for key, value in (self.spring or {}).items() if value}
-        for table, keys in (("prescribed", self.prescribed or {}), ("spring", springs)):
+        velocities = self.velocity or {}
+        given = ("prescribed", self.prescribed or {}), ("spring", springs), ("velocity", velocities)
+        for table, keys in given:
             for key in keys:
                 if key not in COMPONENTS[dimension]:
                     yield (
                         f"{table}.{key}",
                         f"{where}: the components are {', '.join(COMPONENTS[dimension])}",
                     )
-                elif keys is springs and self.prescribes(key) is not None:
+                elif table != "prescribed" and self.prescribes(key) is not None:
                     yield f"{table}.{key}", "has no effect on a component that is prescribed"
 
 

@@ -100,7 +100,7 @@ class Placed(Table):
         for key, value in self:
             vector = (
                 isinstance(value, tuple)
-                and key not in ("rotation", "moment")
+                and key not in ("rotation", "moment", "moment_of_inertia")
                 and not isinstance(value[0], tuple)
             )
             if vector and len(value) != dimension:

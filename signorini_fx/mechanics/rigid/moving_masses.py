@@ -1,0 +1,146 @@
+"""The inertia of rigid bodies whose motion is an unknown.
+
+In a time step of the midpoint rule a mass m is a spring of stiffness 4 m / tau^2 at the pivot, and
+the force 4 m / tau^2 (q_n + tau v_n / 2) that it has there, likewise a moment of inertia: for q,
+the place in the middle of the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.arrays import Array
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
+from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
+
+_VELOCITY = "rigid velocity"
+_LOAD = "rigid load"
+
+
+def masses(rigid: RigidBodies) -> Array:
+    """The masses of all unknowns, of rotations moments of inertia over L^2, shape (k,)."""
+    dim = rigid.kinematics.dimension
+    rows = [body.motion.masses(dim)[: rigid.units.size] / rigid.units**2 for body in rigid.bodies]
+    return np.array(rows, dtype=np.float64).ravel()
+
+
+def refuse_massless(rigid: RigidBodies) -> None:
+    """Refuse rigid bodies that are free to move where they have no inertia.
+
+    Raises:
+        SceneError: there is one.
+    """
+    dim = rigid.kinematics.dimension
+    covered = (rigid.fixed | (masses(rigid) > 0)).reshape(-1, rigid.units.size)
+    problems = list[tuple[str, str]]()
+    for body, has in zip(rigid.bodies, covered, strict=True):
+        named = {"mass": has[:dim].all(), "moment_of_inertia": has[dim:].all()}
+        problems += [
+            (
+                f"contact[{body.parts[0]}].foundation.{key}",
+                "is needed by inertia: give it, or prescribe this motion",
+            )
+            for key, known in named.items()
+            if not known
+        ]
+    if problems:
+        raise SceneError(problems)
+
+
+def with_masses(model: Model, factor: float) -> Model:
+    """A body whose rigid ones have springs of a factor times their masses."""
+    rigid = model.rigid
+    boundary = model.boundary
+    if not rigid.bodies or boundary is None or boundary.moving is None:
+        return model
+    dim = rigid.kinematics.dimension
+    bodies = list[Any]()
+    for body in rigid.bodies:
+        stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
+        spring = dict(zip(COMPONENTS[dim], stiffness.tolist(), strict=True))
+        bodies.append(replace(body, motion=body.motion.model_copy(update={"spring": spring})))
+    rigid = replace(rigid, bodies=bodies)
+    moving = replace(boundary.moving, stiffness=rigid.stiffness, bodies=bodies)
+    return replace(model, rigid=rigid, boundary=replace(boundary, moving=moving))
+
+
+def set_in_motion(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> State:
+    """A state from which rigid bodies move with the velocities that are given, under loads."""
+    if not rigid.bodies:
+        return state
+    dim = rigid.kinematics.dimension
+    given = [body.motion.velocities(dim)[: rigid.units.size] * rigid.units for body in rigid.bodies]
+    return _moving(rigid, state, np.ravel(given), drives)
+
+
+def _moving(rigid: RigidBodies, state: State, velocity: Array, drives: Sequence[Drive]) -> State:
+    state = state.with_field(_VELOCITY, "global", velocity)
+    return state.with_field(_LOAD, "global", _together(rigid, drives)[0])
+
+
+def _together(rigid: RigidBodies, drives: Sequence[Drive]) -> tuple[Array, Array]:
+    """Loads and prescribed motions of all unknowns, nan where they are free, shapes (k,)."""
+    loads, motions = (np.ravel([drive[k] for drive in drives]) for k in (0, 1))
+    units = np.tile(rigid.units, len(rigid.bodies))
+    return loads / units, motions * units
+
+
+def velocity_of(state: State) -> Array:
+    """The velocities of the unknowns of rigid bodies, length / time, shape (k,)."""
+    field = state.fields.get(_VELOCITY)
+    return np.zeros_like(state.rigid) if field is None else field.values.ravel()
+
+
+def mean_loads(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> Array:
+    """The mean loads of all unknowns in a step that ends with drives, shape (k,)."""
+    if not rigid.bodies:
+        return np.zeros(0)
+    return np.asarray(0.5 * (_together(rigid, drives)[0] + state.fields[_LOAD].values.ravel()))
+
+
+def in_middle(
+    rigid: RigidBodies, state: State, drives: Sequence[Drive], dt: float
+) -> tuple[Driven, list[Drive]]:
+    """What drives rigid bodies in the middle of a step, by their unknowns and for each."""
+    aim = state.rigid + 0.5 * dt * velocity_of(state)
+    forces = mean_loads(rigid, state, drives) + 4.0 / dt**2 * masses(rigid) * aim
+    _, motions = _together(rigid, drives)
+    motions = 0.5 * (state.rigid + motions)
+    units = rigid.units
+    each = zip(forces.reshape(-1, units.size), motions.reshape(-1, units.size), strict=True)
+    by_body = [(load * units, motion / units) for load, motion in each]
+    return Driven(forces, np.nan_to_num(motions)), by_body
+
+
+def moved_on(
+    rigid: RigidBodies, state: State, new: State, drives: Sequence[Drive], dt: float
+) -> State:
+    """The end of a step whose unknowns of rigid bodies are those of its middle."""
+    if not rigid.bodies:
+        return new
+    mean = 2.0 / dt * (new.rigid - state.rigid)
+    velocity = np.where(rigid.fixed, mean, 2.0 * mean - velocity_of(state))
+    return _moving(rigid, replace(new, rigid=state.rigid + dt * mean), velocity, drives)
+
+
+def free_motion(rigid: RigidBodies, values: Array) -> Array:
+    """Unknowns of rigid bodies without those that are prescribed, which others move, shape (k,)."""
+    return np.where(rigid.fixed, 0.0, values) if rigid.bodies else values
+
+
+def kinetic_energy(rigid: RigidBodies, velocity: Array) -> float:
+    """The kinetic energy of the motions that are free."""
+    return float(0.5 * masses(rigid) @ free_motion(rigid, velocity) ** 2)
+
+
+def energy_of_springs(rigid: RigidBodies, at: Array, factor: float) -> float:
+    """The energy of springs without those that stand for a factor times the masses."""
+    stiffness = rigid.stiffness - factor * masses(rigid)
+    return float(0.5 * stiffness @ free_motion(rigid, at) ** 2)
