@@ -88,6 +88,17 @@ def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
     return points[cells.ravel()], np.arange(cells.size).reshape(cells.shape), kind, values
 
 
+def computed_fields(solution: Solution) -> dict[str, fem.Function]:
+    """What effects have computed at the nodes for the step that is shown, by name."""
+    space = solution.model.space
+    nodes = fem.functionspace(space.mesh, ("Lagrange", space.element.basix_element.degree))
+    functions = dict[str, fem.Function]()
+    for name, values in getattr(solution.last_step.place, "computed", {}).items():
+        functions[name] = fem.Function(nodes)
+        functions[name].x.array[:] = values
+    return functions
+
+
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     """Every field under its name, in discontinuous functions of the degree of the element;
     collective.
@@ -97,12 +108,7 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     y = solution.displacement
     stress = solution.known_stress
     fields = dict[str, fem.Function]()
-    place = solution.last_step.place
-    lagrange = fem.functionspace(mesh, ("Lagrange", degree))
-    known = {"displacement": y}
-    for name, values in getattr(place, "computed", {}).items():
-        known[name] = fem.Function(lagrange)
-        known[name].x.array[:] = values
+    known = {"displacement": y, **computed_fields(solution)}
     if stress is not None:
         known |= {
             "stress": stress.tensor,

@@ -27,6 +27,8 @@ from signorini_fx import (
     sensitivity,
     solve,
 )
+from signorini_fx.addons.pictures.gather import gather_body
+from signorini_fx.addons.pictures.results import gather_pictures
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.records import Status
@@ -291,10 +293,13 @@ def test_even_temperature():
     assert abs(solution.steps[0].figures["heat_balance"]) < 1e-6
 
 
-def test_fields_file():
-    """fields.vtu has the temperature."""
+def test_fields_and_pictures():
+    """They have the temperature: 100 at the top, and 20 + 120 / 6 at the film."""
     solution = solve(block())
-    assert fields_in_cells(solution)["temperature"].x.array.max() == pytest.approx(100.0)
+    assert "temperature" in gather_pictures(solution).fields
+    drawn = gather_body(solution, ["temperature"]).values["temperature"]
+    for values in (fields_in_cells(solution)["temperature"].x.array, drawn):
+        assert (values.min(), values.max()) == pytest.approx((40.0, 100.0))
 
 
 def test_law():
@@ -454,6 +459,7 @@ def test_import_closure():
 
 # --- heat takes time: density 2, specific heat 3 ---
 
+SIDES = ("temperature_slave", "temperature_master")
 STORES = {"conductivity": 2.0, "density": 2.0, "specific_heat": 3.0}
 
 
@@ -533,7 +539,7 @@ def test_contact_takes_time():
     first, second = 2.0 * 3.0 * 1.0, 2.0 * 5.0 * 2.0
     fall = np.prod(1 / (1 + 20.0 * np.array([0.1, 0.2]) * (1 / first + 1 / second)))
     assert_allclose(
-        np.abs(solution.state.fields["temperature_jump"].values), 100.0 * fall, rtol=1e-4
+        np.ptp([solution.contact.columns[name] for name in SIDES], axis=0), 100.0 * fall, rtol=1e-4
     )
     mean = 100.0 * first / (first + second)
     hottest = mean + 100.0 * fall * second / (first + second)

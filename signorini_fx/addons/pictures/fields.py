@@ -38,5 +38,6 @@ FIELDS = {
     ),
     "displacement": Field("size of the displacement", quantity="length"),
     "density": Field("elastic shear energy density", of="shear_energy_density"),
+    "temperature": Field("temperature", signed=True, quantity="temperature"),
     "around": Field("displacement $u_z$ around the axis", signed=True, quantity="length"),
 }

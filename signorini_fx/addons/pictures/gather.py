@@ -19,6 +19,7 @@ from signorini_fx.arrays import Array, Indices, Ints, inner
 from signorini_fx.machine import compat, parallel, terminal
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.mesh.tagged import outer_facets
+from signorini_fx.results.fields import computed_fields
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
 
@@ -165,7 +166,10 @@ def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values
         solution.comm, not np.isfinite(solution.displacement.x.array).all()
     )
     recovered = known is not None and known.recovers and finite
-    functions = {name: solution.displacement for name in fields if not FIELDS[name].of}
+    computed = computed_fields(solution)
+    functions = {
+        name: computed.get(name, solution.displacement) for name in fields if not FIELDS[name].of
+    }
     if known is not None:
         stress = known.recovered if recovered else known
         functions |= {name: getattr(stress, FIELDS[name].of) for name in fields if FIELDS[name].of}

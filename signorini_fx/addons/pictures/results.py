@@ -51,6 +51,9 @@ def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     stress = solution.known_stress
     usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
+    usual += tuple(
+        name for name in getattr(solution.last_step.place, "computed", ()) if name in FIELDS
+    )
     unknown = [name for name in asked if FIELDS[name].of and stress is None]
     reason = "the body has no stress to draw"
     if stress is not None and "density" in asked and stress.stress.shear_modulus is None:

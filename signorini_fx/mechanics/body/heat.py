@@ -49,6 +49,8 @@ from signorini_fx.records import Finding, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, ROOT_OF_EPS
 
 _SETTLED = 1e-10  # of the range of temperatures: by how much a turn may change one
+# Fields of the state at contact points: both sides, and what passes from the first to the second.
+_AT_POINTS = ("temperature_slave", "temperature_master", "heat_flux")
 _GROWING = 3  # turns one after the other, each of which repeats more than all of a change
 
 
@@ -517,8 +519,10 @@ class Conduction(StepEffect):
             new = new.with_field("heating", "nodes", _used(state))
         if (passed := self._passed(new, ended)) is not None:
             jump = passed.jump(found)
-            new = new.with_field("temperature_jump", "points", jump)
-            new = new.with_field("heat_flux", "points", passed.conductance * jump)
+            own = passed.map.of(found, passed.map.side)
+            values = own, own - jump, passed.conductance * jump
+            for name, each in zip(_AT_POINTS, values, strict=True):
+                new = new.with_field(name, "points", each)
         return replace(
             new, fields={name: one for name, one in new.fields.items() if name != "heat_change"}
         )
@@ -583,8 +587,7 @@ class Conduction(StepEffect):
         return figures
 
     def columns(self, new: State) -> Mapping[str, Array]:
-        names = ("temperature_jump", "heat_flux")
-        return {name: new.fields[name].values.ravel() for name in names if name in new.fields}
+        return {name: new.fields[name].values.ravel() for name in _AT_POINTS if name in new.fields}
 
     def findings(self, model: Model) -> Iterator[Finding]:
         if reason := self._undetermined(model):
@@ -605,15 +608,16 @@ class Conduction(StepEffect):
         if "heat_turns" in figures:
             text += f"; {figures['heat_turns']:.0f} turns, factor {figures['heat_factor']:.2g}"
         yield Finding("note", "heat", text)
-        jumps = new.fields.get("temperature_jump")
-        if jumps is None or ended.contact is None:
+        columns = self.columns(new)
+        if not columns or ended.contact is None:
             return
+        jumps = columns["temperature_slave"] - columns["temperature_master"]
         boundary = ended.contact.boundary
         for number, entry in enumerate(ended.model.statement.contact):
             if entry.conductance is None:
                 continue
-            own = jumps.values.ravel()[boundary.part == number]
+            own = jumps[boundary.part == number]
             least = -parallel.largest(boundary.comm, -own, -np.inf)
             most = parallel.largest(boundary.comm, own, -np.inf)
-            text = f"temperatures of both sides differ by {least:.4g} to {most:.4g}"
-            yield Finding("note", f"contact[{number}].conductance", text)
+            text = f"sides of {entry.boundary} differ by {least:.4g} to {most:.4g}"
+            yield Finding("note", "heat", text)

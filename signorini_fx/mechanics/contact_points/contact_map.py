@@ -70,9 +70,11 @@ class ContactMap:
             on_side = on_side + of_part @ self.rows @ sp.diags_array(self.received(nodes))
         return sp.csr_array(on_side)
 
-    def of(self, values: Array) -> Array:
-        """Return B of values at the nodes of this rank, shape (n,); collective."""
-        return np.asarray(self.rows @ self.received(values))
+    def of(self, values: Array, rows: Any = None) -> Array:
+        """Return B of values at the nodes of this rank, shape (n,), or other ``rows`` of them,
+        such as ``side``; collective.
+        """
+        return np.asarray((self.rows if rows is None else rows) @ self.received(values))
 
     def received(self, values: Array | Flags) -> Array:
         """Return values at the nodes of this rank at the columns of ``rows``, shape (m,);
