@@ -163,9 +163,9 @@ _ADVICE = {
         "solver.largest_deformation is the limit"
     ),
     Status.INVERTED: (
-        "the residual of the body is not finite at the displacement that was tried: take smaller "
-        "steps, a finer mesh "
-        "where it is squeezed, or an energy that grows without limit as the volume vanishes"
+        "the displacement that was tried has no finite residual, or is on the other side of one "
+        "that has none: take smaller steps, a finer mesh where the body is squeezed, or an energy "
+        "that grows without limit as the volume vanishes"
     ),
     Status.UNSTABLE: (
         "this equilibrium is unstable: the body would snap away. Round off a sharp corner where "

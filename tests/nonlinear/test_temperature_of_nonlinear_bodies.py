@@ -7,7 +7,7 @@ import pytest
 from scene_tables import box_mesh, fixed
 from scenes import alone
 from scipy.optimize import brentq
-from support.nonlinear_scenes import LAWS, but_slow, cube, energy_of_stretches, material
+from support.nonlinear_scenes import LAWS, block, but_slow, cube, energy_of_stretches, material
 
 from signorini_fx.scenes.reading import parse_scene
 
@@ -37,6 +37,23 @@ def test_free_expansion(name, change):
     expected = EXPANSION * change * x
     assert np.abs(solution.displacement.x.array.reshape(-1, 3) - expected).max() < 1e-13
     assert np.abs(stresses(solution)[-1]).max() < 1e-11 * 100.0
+
+
+def test_a_free_body_does_not_turn_over():
+    """In the plane, colder by 70 and held by rollers alone, it becomes smaller in any number of
+    steps: in one step Newton's method ends at the body that has turned by 180 degrees, which has
+    no stress, either.
+    """
+    law = material("j2, finite") | {"expansion": EXPANSION}
+    free = {"contact": [], "temperature": {"change": -70.0}}
+    solution = solve(
+        block(law, "0", cells=(2, 2), solver={"largest_deformation": 1.0}, **free), MPI.COMM_SELF
+    )
+    assert solution.converged
+    x = solution.model.space.tabulate_dof_coordinates()[:, :2]
+    # The thickness stays: strains, logarithms, across it are Poisson's share of that along it.
+    expected = (0.3 ** (1 + law["poisson"]) - 1) * x
+    assert np.abs(solution.displacement.x.array.reshape(-1, 2) - expected).max() < 1e-12
 
 
 def held_bar(name, expansion):

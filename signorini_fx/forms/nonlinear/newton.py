@@ -384,6 +384,8 @@ class EquilibriumSolver(Stability):
         body = self.body
         foundations = body.foundations
         last = self._since
+        if self.residual.turns_over(last.displacement):
+            return Verdict(Status.INVERTED, "some turn over within the step")
         solved = body.solved
         assert solved is not None
         boundary = solved.linear.boundary

@@ -4,7 +4,7 @@ tried by differences.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -23,7 +23,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
 from signorini_fx.mechanics.body.deformation import CellSlopes
-from signorini_fx.mechanics.mesh.points import determinants
+from signorini_fx.mechanics.mesh.points import determinants, inverses
 from signorini_fx.mechanics.state import Field, State, at_cells
 from signorini_fx.mechanics.step_effect import SteppedForms
 from signorini_fx.tuned import (
@@ -121,9 +121,9 @@ class Residual:
         fails = not np.isfinite(forces).all() or self._turned_inside_out()
         return None if parallel.any_rank(self.u.function_space.mesh.comm, fails) else forces
 
-    def _turned_inside_out(self) -> bool:
-        """Whether det(I + grad u) is not positive at a quadrature point of this rank, in the plane
-        of sections.
+    def _gradients(self, values: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield for each quadrature point of the cells of this rank the derivatives of places and
+        of displaced places along the reference cell, in the plane of sections, shape (d, d, cells).
         """
         space = self.u.function_space
         if self._slopes is None or not self._slopes.fits:
@@ -132,16 +132,32 @@ class Residual:
             self._slopes = CellSlopes(
                 space, basix.make_quadrature(getattr(basix.CellType, cell), 2 * degree)[0]
             )
-        # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the
-        # reference cell.
+        for place, moved in self._slopes.along_reference(values):
+            yield place, place + moved[: len(place)]
+
+    def _turned_inside_out(self) -> bool:
+        """Whether det(I + grad u) is not positive at a quadrature point of this rank."""
+        # The determinant of the product I + grad u = (x + u)' / x'.
         return any(
-            bool(
-                (
-                    determinants(place + moved[: len(place)]) * np.sign(determinants(place)) <= 0
-                ).any()
-            )
-            for place, moved in self._slopes.along_reference(self.u)
+            bool((determinants(displaced) * np.sign(determinants(place)) <= 0).any())
+            for place, displaced in self._gradients(self.u.x.array)
         )
+
+    def turns_over(self, before: Array) -> bool:
+        """Whether the way to ``u`` from other values turns a cell over: F of now times the inverse
+        of F there has an eigenvalue that is nearer to a half turn than to a quarter; collective.
+
+        No deformation that goes on from one to the other gets there if one is negative, but
+        Newton's method does: two negative ones leave det F positive.
+        """
+        both = zip(self._gradients(before), self._gradients(self.u.x.array), strict=True)
+        turned = False
+        for (_, first), (_, last) in both:
+            way = np.einsum("ijc,jkc->cik", last, inverses(first))
+            far = np.linalg.norm(way - np.eye(len(first)), axis=(1, 2)) >= 1  # else none is
+            values = np.linalg.eigvals(way[far])
+            turned |= bool((values.real < -np.abs(values.imag)).any())
+        return parallel.any_rank(self.u.function_space.mesh.comm, turned)
 
     def go_to(self, values: Array) -> None:
         """Give ``u`` values, and the material its state there; for the arguments and errors see

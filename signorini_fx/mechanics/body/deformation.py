@@ -50,7 +50,7 @@ def deformation_of(
     at_middle = CellSlopes(
         displacement.function_space, basix.geometry(cell).mean(axis=0, keepdims=True)
     )
-    of_place, of_displacement = next(at_middle.along_reference(displacement))
+    of_place, of_displacement = next(at_middle.along_reference(displacement.x.array))
     areas = np.abs(determinants(of_place))
     slopes = np.einsum("ijc,jkc->ikc", of_displacement, inverses(of_place))
     squares = np.einsum("ikc,ikc->c", slopes, slopes)
@@ -107,13 +107,13 @@ class CellSlopes:
         """Whether the mesh is where it was, on this rank."""
         return np.array_equal(self._mesh.geometry.x, self._seen)
 
-    def along_reference(self, displacement: fem.Function) -> Iterator[tuple[Array, Array]]:
+    def along_reference(self, displacement: Array) -> Iterator[tuple[Array, Array]]:
         """Yield for each point the derivatives of places and of displacements, shape (d, d, cells),
-        the direction in the reference cell last.
+        the direction in the reference cell last; ``displacement``: its values, ghosts included.
         """
         dim = self._dimension
         components = self._mesh.geometry.dim
-        y = _by_function(displacement.x.array.reshape(-1, components)[self._nodes])
+        y = _by_function(displacement.reshape(-1, components)[self._nodes])
         for of_place, slopes in zip(*self._slopes, strict=True):
             of_x = (of_place @ self._x).reshape(dim, dim, -1)
             of_y = (slopes @ y).reshape(dim, components, -1)
