@@ -51,6 +51,64 @@ def test_blocks(contact):
     assert solution.contact.pressure == pytest.approx(-stress_of_block(0.8, 1), rel=1e-4)
 
 
+def placed(shift, way, contact, law="neo-hooke"):
+    """A block that moves, from a place to the right of a longer one, and is pressed onto it."""
+    size = {"length": 4.0, "nx": 10, "ny": 3}
+    small = {"length": 1.0, "nx": 3, "ny": 3}
+    return Scene(
+        body=[
+            {"name": "low", "mesh": {"generator": "rectangle", "parameters": size}},
+            {"name": "up", "mesh": {"generator": "rectangle", "parameters": small}, "shift": shift},
+        ],
+        material=LINEAR | ({"law": law} if law else {}),
+        displacement=[
+            {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "up.top", "x": f"{way}*min(t, 1)", "y": "-0.6*max(t-1, 0)"},
+        ],
+        contact={"boundary": "up.bottom", "against": "low.top"} | contact,
+        load_steps={"times": [1.0, 2.0], "steps": 3},
+        solver={"algorithm": "alm"},
+    )
+
+
+@pytest.mark.mpi
+def test_bodies_that_meet_later():
+    """A block that faces the other one nowhere as it starts has, once it is there, the forces of
+    one that started there, in whichever side's points.
+    """
+    reach = {"reach": 0.5, "points": "against"}
+    over, beside = (
+        solve(placed(*where, reach), MPI.COMM_WORLD)
+        for where in (([1.3, 1.5], 0), ([6.3, 1.5], -5))
+    )
+    assert over.converged
+    assert beside.converged
+    ends = [np.sum(one.steps[-1].contact.forces, axis=0) for one in (over, beside)]
+    assert abs(ends[0][1]) > 0.1
+    np.testing.assert_allclose(*ends, atol=1e-8)
+    forces = {row["boundary"]: row["force"] for row in beside.resultants.as_rows()}
+    np.testing.assert_allclose(forces["low.top"], -np.array(forces["up.bottom"]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("contact", "law", "said"),
+    [
+        ({}, "neo-hooke", r"contact\[0\]: no facet faces .* nonlinear and slide, give a reach"),
+        ({"reach": 0.5}, None, r"contact\.reach: is for sides that slide"),
+        (
+            {"reach": 0.5, "sliding": "small"},
+            "neo-hooke",
+            r"contact\.reach: is for sides that slide",
+        ),
+        ({"reach": 0.0}, "neo-hooke", r"contact\.reach: .*greater than 0"),
+    ],
+)
+def test_bodies_that_never_meet(contact, law, said):
+    """Sides that do not face each other, and a reach that has no use, are refused with the cure."""
+    with pytest.raises(SceneError, match=said):
+        solve(placed([6.3, 1.5], -5, contact, law), MPI.COMM_SELF)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("sliding", [True, "small"])
 def test_forces_act_where_a_body_has_slid_to(sliding):

@@ -387,7 +387,9 @@ def test_a_scene_goes_on_after_a_checkpoint(tmp_path_factory):
     assert forces > 1.0
     said = [found.message for found in reference.findings if found.path == "contact[2]"]
     assert len(said) == 1
-    assert re.match(r"touches itself at \d+ of 32 nodes, with a force of ", said[0])
+    words = r"touches itself at \d+ of 32 nodes, with a force of \d.*; (\d+) of 32 facets face "
+    facing, beside = re.match(words + r"each other; (\d+) beside them", said[0]).groups()
+    assert int(facing) + int(beside) == 32
 
 
 def test_a_scene_in_words():

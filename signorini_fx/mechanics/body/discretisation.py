@@ -116,9 +116,9 @@ def _prepared(
     elastic, _ = together(lambda: on.elastic, partial(check_fits, statement, tagged))
     if statement.sides[1] is not None:
         chosen = with_chosen_sides(statement, tagged, facets, elastic.lame[1])
-        if chosen is not statement:
-            statement = chosen
-            on = replace(on, statement=chosen)
+        at_rest = tuple(contact.at_rest for contact in chosen.contact)
+        statement = chosen if at_rest == chosen.contact else chosen.changed(contact=at_rest)
+        on = replace(on, statement=statement)
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
         pieces = pieces.of_bodies(

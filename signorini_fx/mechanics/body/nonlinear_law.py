@@ -44,11 +44,10 @@ from signorini_fx.mechanics.statement.statement import Statement
 
 def at_rest(statement: Statement) -> Statement:
     """Return the statement with materials of small strains, and without loads that follow
-    the body, and contact of a boundary with itself.
+    the body.
     """
     return without_followers(statement).changed(
-        material=tuple(material.at_rest for material in statement.material),
-        contact=tuple(contact.at_rest for contact in statement.contact),
+        material=tuple(material.at_rest for material in statement.material)
     )
 
 

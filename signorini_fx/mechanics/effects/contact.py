@@ -136,6 +136,8 @@ class Contact(Effect):
         sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is;
             ``small``: they keep their partners, which is right as long as sides slide by less than
             a facet.
+        reach: between nonlinear bodies that slide, the distance beyond which facets are no
+            partners, length; sides that face each other only later need one; None: as of ``Pair``.
         gap: distance d to the foundation along ``direction``, a length; negative: initial
             penetration; it is added to the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the
@@ -170,6 +172,7 @@ class Contact(Effect):
     distance: Literal["geometry", "nominal"] = "geometry"
     adjust: NonNegative | None = None
     sliding: Literal["finite", "small"] = "finite"
+    reach: Positive | None = None
     gap: TimedSampledValue = 0.0
     direction: Direction | None = None
     foundation: OneShape = None
@@ -275,7 +278,13 @@ class Contact(Effect):
                     ("contact", number, key),
                     "must be left out: a bond has no friction",
                 )
-            if self.against is None and key in ("distance", "points", "sliding", "adjust"):
+            if self.against is None and key in (
+                "distance",
+                "points",
+                "sliding",
+                "adjust",
+                "reach",
+            ):
                 yield ("contact", number, key), "is for contact against another boundary"
         if self.against is None:
             return
@@ -291,6 +300,9 @@ class Contact(Effect):
                 if key in stated:
                     reason = f"must be left out: each step finds both sides of {itself}"
                     yield ("contact", number, key), reason
+        if self.reach is not None and not (statement.nonlinear and self.slides):
+            reason = "is for sides that slide, of a material with a nonlinear law: leave it out"
+            yield ("contact", number, "reach"), reason
         if self.adjust is not None and self.distance == "nominal":
             yield (
                 ("contact", number, "adjust"),
@@ -308,18 +320,23 @@ class Contact(Effect):
         return self.against == self.boundary
 
     @property
+    def slides(self) -> bool:
+        """Return whether sides of nonlinear bodies may find other partners."""
+        return self.sliding == "finite" and not self.bonded
+
+    @property
     def at_rest(self) -> Contact:
-        """Return the contact of a body of small strains, which does not touch itself."""
-        if not self.itself:
+        """Return the contact of the body before it is displaced: none of sides that meet later."""
+        if not self.itself and (self.reach is None or not self.opens):
             return self
         nothing = {"against": None, "friction": NoFriction(), "gap": LARGEST_NUMBER}
         return self.model_copy(update=nothing)
 
     def on_sides_of(self, chosen: Contact) -> Contact:
-        """Return the contact with the points on the side that ``at_rest`` was given."""
-        if self.itself:
+        """Return the contact with the points on the side that ``chosen`` has them."""
+        if chosen.boundary == self.boundary:
             return self
-        return self.model_copy(update={"boundary": chosen.boundary, "against": chosen.against})
+        return self.model_copy(update={"boundary": self.against, "against": self.boundary})
 
     @property
     def opens(self) -> bool:

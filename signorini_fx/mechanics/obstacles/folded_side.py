@@ -30,9 +30,11 @@ class FoldedSide(MovingPair):
         whole: the undeformed surface, with the walls behind its facets.
         side: 1 where facets carry points, -1 where they are the other side, else 0, shape (f,).
         name: of the field of a state that has it at nodes.
+        changed: how many facets were on the other side in the step before.
     """
 
     side: Ints
+    changed = 0
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
         """Put one undeformed surface on both sides; ``reach``: see ``Pair``."""
@@ -59,6 +61,7 @@ class FoldedSide(MovingPair):
         known = np.where((of_nodes == of_nodes[:, :1]).all(axis=1), of_nodes[:, 0], 0.0)
         surface = self.whole.displaced(rows[:, :-1])
         side = chosen_sides(surface, self.reach, known.astype(np.int64))
+        self.changed = np.count_nonzero(side * known < 0)
         if not np.array_equal(side, self.side):
             self.side = side
             first, second = (self.whole.chosen(np.flatnonzero(side == sign)) for sign in (1, -1))
@@ -88,11 +91,16 @@ class FoldedSide(MovingPair):
         count, force = parallel.global_sum(
             state.boundary.comm, np.array([np.count_nonzero(state.in_contact[own]), forces.sum()])
         )
-        facing = np.count_nonzero(self.side)
-        return (
+        on_sides = self.side != 0
+        facing = np.count_nonzero(on_sides)
+        beside = np.count_nonzero(self.whole.around_neighbours @ on_sides * ~on_sides)
+        text = (
             f"touches itself at {count:.0f} of {len(self.points)} nodes, with a force of "
             f"{force:.4g}; {facing} of {len(self.side)} facets face each other"
         )
+        if self.changed:
+            text += f", {self.changed} with points on the other side than in the step before"
+        return text + f"; {beside} beside them, as in folds, have no partner" * (beside > 0)
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         on_nodes = displacement[: len(self.whole.x)]

@@ -48,7 +48,7 @@ def foundations_of(
         friction = effect.friction if effect.friction.acts else None
         gap = effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
         if number in masters:
-            same = ("distance", "kind", "adjust", "sliding")
+            same = ("distance", "kind", "adjust", "sliding", "reach")
             choice = {key: getattr(effect, key) for key in same}
             pair = Pair(on, masters[number], gap, friction=friction, measure=around, **choice)
             foundations.append(pair)

@@ -489,9 +489,9 @@ def _check(tested: Tested, reach: float) -> None:
         nearest = _nearest(slave, tested.master)
         raise PairingError(
             f"no facet faces the other side within {reach:.3g}; {nearest}: check the "
-            "facets, and that the bodies do not lie inside each other; bodies that meet later "
-            "begin where these sides face each other, above a gap if need be: move one of them "
-            "there (in a scene by its shift)"
+            "facets, and that the bodies do not lie inside each other; of bodies that meet later "
+            "move one (in a scene by its shift) to where these sides face each other, or, if they "
+            "are nonlinear and slide, give a reach, which is larger than any distance on the way"
         )
     twice = tested.twice
     if twice.size:
