@@ -8,7 +8,7 @@ from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone
 from support.nonlinear_bodies import LAME, MU, stress_of_block
 
-from signorini_fx import Scene, SceneError
+from signorini_fx import Scene, SceneError, solve
 
 POISSON = LAME / (2 * (LAME + MU))
 LINEAR = {"young": 2 * MU * (1 + POISSON), "poisson": POISSON}
@@ -53,16 +53,14 @@ def test_blocks(contact):
 
 def placed(shift, way, contact, law="neo-hooke"):
     """A block that moves, from a place to the right of a longer one, and is pressed onto it."""
-    size = {"length": 4.0, "nx": 10, "ny": 3}
-    small = {"length": 1.0, "nx": 3, "ny": 3}
     return Scene(
         body=[
-            {"name": "low", "mesh": {"generator": "rectangle", "parameters": size}},
-            {"name": "up", "mesh": {"generator": "rectangle", "parameters": small}, "shift": shift},
+            {"name": "low", "mesh": rectangle_mesh(10, 3, length=4.0)},
+            {"name": "up", "mesh": rectangle_mesh(3, 3), "shift": shift},
         ],
         material=LINEAR | ({"law": law} if law else {}),
         displacement=[
-            {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+            fixed("low.bottom"),
             {"boundary": "up.top", "x": f"{way}*min(t, 1)", "y": "-0.6*max(t-1, 0)"},
         ],
         contact={"boundary": "up.bottom", "against": "low.top"} | contact,
@@ -77,10 +75,7 @@ def test_bodies_that_meet_later():
     one that started there, in whichever side's points.
     """
     reach = {"reach": 0.5, "points": "against"}
-    over, beside = (
-        solve(placed(*where, reach), MPI.COMM_WORLD)
-        for where in (([1.3, 1.5], 0), ([6.3, 1.5], -5))
-    )
+    over, beside = (solve(placed(*where, reach)) for where in (([1.3, 1.5], 0), ([6.3, 1.5], -5)))
     assert over.converged
     assert beside.converged
     ends = [np.sum(one.steps[-1].contact.forces, axis=0) for one in (over, beside)]
@@ -106,7 +101,7 @@ def test_bodies_that_meet_later():
 def test_bodies_that_never_meet(contact, law, said):
     """Sides that do not face each other, and a reach that has no use, are refused with the cure."""
     with pytest.raises(SceneError, match=said):
-        solve(placed([6.3, 1.5], -5, contact, law), MPI.COMM_SELF)
+        alone(placed([6.3, 1.5], -5, contact, law))
 
 
 @pytest.mark.slow
