@@ -26,6 +26,7 @@ from signorini_fx.mechanics.body.nonlinear_law import (
     at_rest,
     body_residual,
     cells_of,
+    gradients,
     stress_parts,
     volume_degree,
 )
@@ -118,7 +119,8 @@ class NonlinearForces(NodalForces):
         x = _evaluated(ufl.SpatialCoordinate(mesh), points, mesh, np.arange(owned, dtype=np.int32))
         stress, mean = (np.zeros((owned, len(at), 3, 3)) for at in (points, fewer))
         for material in self._stated[0].material:
-            parts = stress_parts(material, self._u, self.kinematics, self._body.free)
+            of_both = gradients(self._u, self.kinematics, reduced)
+            parts = stress_parts(material, of_both, self._body.free)
             for part, at, values in zip(parts, (points, fewer), (stress, mean), strict=True):
                 if part is not None:
                     cells = cells_of(material, self.tagged)

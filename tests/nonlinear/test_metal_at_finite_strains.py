@@ -211,7 +211,7 @@ def test_rubber_on_metal(order):
     }
     solution = alone(parse_scene(scene))
     assert solution.converged
-    assert abs(force(solution.steps[-1])[1]) == pytest.approx(abs(metal(high)), rel=1e-3)
+    assert abs(force(solution.steps[-1])[1]) == pytest.approx(abs(metal(high)), rel=1e-8)
 
 
 def test_what_is_refused():

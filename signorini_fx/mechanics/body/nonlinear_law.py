@@ -15,7 +15,7 @@ temperature by which the body expands freely by s in all directions leaves of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -236,20 +236,21 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
             forms.append(work * around * shape)
             work = ufl.inner(ufl.dot(state.tangent, tried), by_components) * expanded
             of_states.append(work * around * shape)
+        gradient = gradients(u, kinematics, reduced)
         if material.finite:
             energies += [
                 energy * around * d
                 for energy, d in zip(
-                    _energies(material, kinematics.gradient(u), free), (shape, volume), strict=True
+                    _energies(material, gradient, free), (shape, volume), strict=True
                 )
                 if energy is not None
             ]
             continue
-        tested = kinematics.strain(v)
-        of_shape, of_volume = stress_parts(material, u, kinematics, free)
-        if of_shape is not None:
-            forms.append(ufl.inner(of_shape, tested) * around * shape)
-        forms.append(ufl.inner(of_volume, tested) * around * volume)
+        tested = gradients(v, kinematics, reduced)
+        parts_of_stress = stress_parts(material, gradient, free)
+        for part, test, d in zip(parts_of_stress, tested, (shape, volume), strict=True):
+            if part is not None:
+                forms.append(ufl.inner(part, test) * around * d)
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
@@ -269,22 +270,32 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     return BodyResidual(form, tangent, tuple(points), followers, free, heat, statement.path)
 
 
+def gradients(u: Any, kinematics: Kinematics, reduced: int | None) -> tuple[Any, Any]:
+    """Grad u of the shape and of the volume, each at the points of its rule, UFL, shape (3, 3);
+    ``reduced``: see ``volume_degree``.
+    """
+    gradient = kinematics.gradient(u)
+    return gradient, kinematics.mean_gradient(u) if reduced == 1 else gradient
+
+
 def stress_parts(
-    material: Any, u: fem.Function, kinematics: Kinematics, free: Any | None
+    material: Any, gradients_of_u: tuple[Any, Any], free: Any | None
 ) -> list[Any | None]:
     """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL,
     shape (3, 3); None: it is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
+    unit = ufl.Identity(3)
     if not material.finite:
         first, shear = material.at_rest.lame
-        strain = _elastic(kinematics.strain(u), free)
+        strain, mean = (_elastic(ufl.sym(one), free) for one in gradients_of_u)
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
-        return [of_shape, (first + 2 * shear / 3) * ufl.tr(strain) * ufl.Identity(3)]
-    change = ufl.variable(kinematics.gradient(u))
-    gradient = ufl.Identity(3) + change
+        return [of_shape, (first + 2 * shear / 3) * ufl.tr(mean) * unit]
+    changes = [ufl.variable(one) for one in gradients_of_u]
     return [
-        None if energy is None else ufl.diff(energy, change) * gradient.T / ufl.det(gradient)
-        for energy in _energies(material, change, free)
+        None
+        if energy is None
+        else ufl.diff(energy, change) * (unit + change).T / ufl.det(unit + change)
+        for energy, change in zip(_energies(material, changes, free), changes, strict=True)
     ]
 
 
@@ -305,19 +316,19 @@ def _components(material: Any, measured: Any, pairs: list[tuple[int, int]]) -> A
     return components(measured, pairs)
 
 
-def _energies(material: Any, change: Any, free: Any | None) -> list[Any | None]:
-    """The energy of the shape, and that of the volume, per undeformed volume, from grad u, UFL;
-    None: it is that of a state, or not apart.
+def _energies(material: Any, changes: Sequence[Any], free: Any | None) -> list[Any | None]:
+    """The energy of the shape, and that of the volume, per undeformed volume, each from its grad u,
+    UFL; None: it is that of a state, or not apart.
     """
     expanded = 1
     if free is not None:
-        change = (change - free * ufl.Identity(3)) / (1 + free)
+        changes = [(change - free * ufl.Identity(3)) / (1 + free) for change in changes]
         expanded = (1 + free) ** 3
     of_shape = of_volume = None
     if not isinstance(material, PathDependent):
-        of_shape = material.shape_energy_by_change(change) * expanded
+        of_shape = material.shape_energy_by_change(changes[0]) * expanded
     if material.splits:
-        of_volume = material.volume_energy_by_change(growth(change)) * expanded
+        of_volume = material.volume_energy_by_change(growth(changes[1])) * expanded
     return [of_shape, of_volume]
 
 

@@ -141,24 +141,33 @@ class SceneLaw:
         """
         raise NotImplementedError
 
-    def elastic(self, y: Any, initial: Any, *, on_axis: bool = False) -> Any:
+    def elastic(self, y: Any, initial: Any, *, on_axis: bool = False, apart: bool = False) -> Any:
         """The strain of a displacement, None: zero, without the initial one, None: zero, UFL, shape
-        (3, 3).
+        (3, 3); ``apart``: whether it is that of the reduced part, at its points.
         """
-        strain = ufl.zero(3, 3) if y is None else self.kinematics.strain(y, on_axis=on_axis)
+        if y is None:
+            strain = ufl.zero(3, 3)
+        elif apart and self.reduced == 1:
+            strain = ufl.sym(self.kinematics.mean_gradient(y))
+        else:
+            strain = self.kinematics.strain(y, on_axis=on_axis)
         return strain if initial is None else strain - initial * self.uniform_strain
+
+    def _strains(self, y: Any, initial: Any = None) -> tuple[Any, Any]:
+        """Strains of the whole and of the reduced part, see ``elastic``."""
+        return self.elastic(y, initial), self.elastic(y, initial, apart=True)
 
     # --- works, as terms to be compiled one by one ---
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
         """a(y, z) on displacements, UFL."""
-        return self._work(self.kinematics.strain(y), self.kinematics.strain(z), self.degree)
+        return self._work(self._strains(y), self._strains(z), self.degree)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
         """Return the terms of an initial strain, see ``assembled``; ``degree``: of the
         quadrature.
         """
-        return self._work(strain * self.uniform_strain, self.kinematics.strain(z), degree)
+        return self._work((strain * self.uniform_strain,) * 2, self._strains(z), degree)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
         """Return the terms of a jump of the displacement, see ``assembled``."""
@@ -180,12 +189,9 @@ class SceneLaw:
         """The energy of that stress: what is missing in that of ``force_terms`` on y less their
         load.
         """
-        prevented = self.elastic(jump, strain)
-        return [
-            *self._work(
-                prevented, prevented / 2, degree if jump is None else max(degree, self.degree)
-            )
-        ]
+        degree = degree if jump is None else max(degree, self.degree)
+        prevented = self._strains(jump, strain)
+        return [0.5 * term for term in self._work(prevented, prevented, degree)]
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
         """The residual of the law of a pressure, tested with its functions, and at last the
@@ -193,11 +199,16 @@ class SceneLaw:
         """
         raise NotImplementedError
 
-    def _work(self, strain: Any, tested: Any, degree: int) -> tuple[Any, ...]:
-        """The work of the stress of a strain on another one."""
-        parts = self.parts(strain)
+    def _work(
+        self, strains: tuple[Any, Any], tested: tuple[Any, Any], degree: int
+    ) -> tuple[Any, ...]:
+        """The work of the stress of such strains on others."""
+        parts = zip(*map(self.parts, strains), strict=True)
         return tuple(
-            self._integral(ufl.inner(part, tested), reduced or degree) for part, reduced in parts
+            self._integral(ufl.inner(part, tested[0]), degree)
+            if reduced is None
+            else self._integral(ufl.inner(apart, tested[1]), reduced)
+            for (part, reduced), (apart, _) in parts
         )
 
     def _integral(self, density: Any, degree: int) -> Any:
@@ -259,7 +270,8 @@ class IsotropicLaw(SceneLaw):
             )
             with compiling():
                 points = compat.interpolation_points(at_points.element)
-                expression = fem.Expression(theta, points, dtype=default_scalar_type)
+                mean = ufl.tr(self.elastic(moved, initial, apart=True))
+                expression = fem.Expression(mean, points, dtype=default_scalar_type)
             theta = fem.Function(at_points)
             interpolated.append((theta, expression))
         sigma = lame * theta * self.uniform_strain + 2 * mu * strain

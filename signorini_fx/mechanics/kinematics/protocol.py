@@ -131,6 +131,12 @@ class Kinematics:
 
         return padded(ufl.grad(y), self.dimension)
 
+    def mean_gradient(self, y: Any) -> Any:
+        """Return the tensor that has at the middle of a cell the mean of ``gradient`` over the body
+        in it, but for shears of torsion, UFL, shape (3, 3).
+        """
+        return self.gradient(y)
+
     def measure(self, x: Any) -> Any:
         """Return the factor of areas and lengths of the mesh at x, UFL of shape (d,) or numbers of
         shape (d, n).
@@ -202,6 +208,13 @@ def off_axis(y: Any) -> Any:
     return ufl.gt(x[0], DIGITS_OF_FILES * size)
 
 
+# Of the area of reference cells about their middle, over it.
+_SECOND_MOMENTS = {
+    "quadrilateral": [[1 / 12, 0], [0, 1 / 12]],
+    "triangle": [[1 / 18, -1 / 36], [-1 / 36, 1 / 18]],
+}
+
+
 @dataclass(frozen=True)
 class BodyOfRevolution(Kinematics):
     """Displacements along the radius and the axis, which do not depend on the angle.
@@ -239,6 +252,23 @@ class BodyOfRevolution(Kinematics):
                 off, y[0] / ufl.conditional(off, position(y)[0], 1), y[0].dx(0)
             )
         return padded(ufl.grad(y), 2, stretch)
+
+    def mean_gradient(self, y: Any) -> Any:
+        """Return the gradient in the middle of the volume, which is more where the radius is
+        larger, and the mean stretch of the circumference.
+        """
+        import ufl
+
+        radius = position(y)[0]
+        domain = ufl.domain.extract_unique_domain(y)
+        jacobian = ufl.Jacobian(domain)
+        own: Any = ufl.as_matrix(_SECOND_MOMENTS[domain.ufl_cell().cellname()])
+        moments: Any = jacobian * own * jacobian.T
+        curved = ufl.grad(ufl.grad(y))
+        i, j, k = ufl.indices(3)
+        slopes = ufl.grad(y) + ufl.as_tensor(curved[i, j, k] * moments[k, 0] / radius, (i, j))
+        stretch = (y[0] + ufl.inner(moments, ufl.grad(ufl.grad(y[0]))) / 2) / radius
+        return padded(slopes, 2, stretch)
 
     def measure(self, x: Any) -> Any:
         """The length of the circumference."""
