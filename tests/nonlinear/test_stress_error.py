@@ -10,7 +10,7 @@ from reference import interpolated
 from scene_tables import circle_shape, rectangle_mesh
 
 from signorini_fx import Foundation, NonlinearContactProblem
-from signorini_fx.forms.nonlinear.residual import Tangents
+from signorini_fx.forms.nonlinear.residual import lowered
 from signorini_fx.forms.nonlinear.results import squared_errors, stress_of
 from signorini_fx.machine import compat
 from signorini_fx.records import History
@@ -33,10 +33,6 @@ def neo_hooke(u, poisson=POISSON):
         + lame / 2 * ufl.ln(volume) ** 2
     )
     return ufl.derivative(energy * ufl.dx, u, ufl.TestFunction(u.function_space))
-
-
-def lowered(residual):
-    return Tangents(residual, None, None, {}).lowered
 
 
 def pressed(cells, degree):

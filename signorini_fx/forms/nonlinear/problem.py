@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -359,12 +358,17 @@ class NonlinearContactProblem(ProblemOfForms):
         displaced = {*moving.moving, *moving.sliding}
         return shares * work, work / 2, displaced, stress / strain
 
+    @cached_property
+    def _lowered(self) -> Any:
+        """Return the stated F by components, UFL."""
+        return lowered(self._stated)
+
     def _errors_now(self, *, strain: bool) -> tuple[Array, Norms] | str:
         """What each owned cell has of the squared relative error of the stress in L2, shape
         (cells,), or with ``strain`` also of that of the strain, shape (2, cells), and the norms of
         both; or why they are not known; collective.
         """
-        stress = stress_of(lowered(self._stated), self.u)
+        stress = stress_of(self._lowered, self.u)
         parts = self.linear.forms.parts
         squares, size = squared_errors(stress, self.u, parts)
         if not size > 0:
@@ -382,7 +386,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def _loaded(self) -> Indices:
         """The exterior facets of this rank on which F has forces."""
-        integrals = lowered(self._stated).integrals_by_type("exterior_facet")
+        integrals = self._lowered.integrals_by_type("exterior_facet")
         mesh = self.u.function_space.mesh
         return np.concatenate(
             [np.zeros(0, np.int32), *(exterior_facets(integral, mesh) for integral in integrals)]
