@@ -5,13 +5,10 @@ from itertools import pairwise
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import example1
+from scenes import example1, prepared
 
 from signorini_fx.algebra.linalg.factorisation import factor_entries, has_package
-from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.expected_cost import factorisation_seconds
-from signorini_fx.scenes.mesh import load_mesh
 
 # What a core of the 2020s does in a sparse factorisation: from small fronts, where the ordering
 # takes most of the time, to large ones that run at the speed of a dense product.
@@ -31,7 +28,7 @@ def test_operations_and_entries_of_a_factorisation(cell, degree):
         cells = nx // degree
         scene = example1(nx=cells, ny=cells // 3, cell=cell, degree=degree, linear_algebra="full")
         pc = PETSc.PC().create(MPI.COMM_SELF)
-        stiffness = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).stiffness
+        stiffness = prepared(scene).stiffness
         unknowns = stiffness.getSize()[0]
         pc.setOperators(stiffness)
         pc.setType(PETSc.PC.Type.CHOLESKY)

@@ -2,18 +2,14 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scene_tables import fixed, rectangle_mesh, tresca_friction
-from scenes import alone, table_of
+from scenes import alone, prepared, table_of
 from scipy.integrate import quad
 
-from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
-from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.error_estimates import estimate_errors, missed_loads
 from signorini_fx.results.accuracy.pressure_error import interval_squares
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import POLLUTION
 
@@ -44,7 +40,7 @@ def test_loads_that_the_quadrature_misses():
     integrated exactly.
     """
     scene = block(x="3 if x[1] < 0.3 else 1 + x[1]", factors=[1.0, -2.0])
-    d = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = prepared(scene)
     missed, twice = (missed_loads(d, step) for step in range(2))
     side = lambda x: np.where(x / 2 < 0.3, 3.0, 1 + x / 2) / 2  # noqa: E731
     expected = abs(gauss(31, side) - gauss(11, side))

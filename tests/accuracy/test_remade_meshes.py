@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 from mpi4py import MPI
+from on_meshes import corners_of_cells
 
 from signorini_fx import SceneError, solve
 from signorini_fx.machine import compat
@@ -76,7 +77,7 @@ def test_cells_are_short_where_it_touches(tmp_path, source, degree):
     tagged = solution.model.tagged
     assert compat.geometry_degree(tagged.mesh) == degree
     lengths = lengths_of_cells(tagged)
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)[: len(lengths)]
+    x = corners_of_cells(tagged).mean(axis=1)[: len(lengths)]
     away = np.hypot(x[:, 0], x[:, 1])
     assert np.median(lengths[away < 0.7]) < 0.25 * np.median(lengths[away > 5])
     off = on_circle(tagged)
@@ -123,7 +124,7 @@ def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
     assert solution.converged
     tagged = solution.model.tagged
     lengths = lengths_of_cells(tagged)
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)[: len(lengths)]
+    x = corners_of_cells(tagged).mean(axis=1)[: len(lengths)]
     away = np.hypot(x[:, 0], x[:, 1])
     for side in (x[:, 1] > 0, x[:, 1] < 0):
         assert np.median(lengths[side & (away < 0.7)]) < 0.3 * np.median(lengths[side & (away > 5)])
@@ -203,7 +204,7 @@ def test_lengths_grow_slowly(cell):
         "rectangle", {"length": 4.0, "height": 4.0, "nx": 40, "ny": 40, "cell": cell}, MPI.COMM_SELF
     )
     lengths = lengths_of_cells(tagged)
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)
+    x = corners_of_cells(tagged).mean(axis=1)
     lengths[np.argmin(np.hypot(x[:, 0], x[:, 1]))] = 1e-3
     (field,) = size_fields(tagged, lengths, [np.arange(len(lengths), dtype=np.int32)])
     assert isinstance(field, SizeField)

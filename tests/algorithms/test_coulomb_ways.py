@@ -7,16 +7,13 @@ import time
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, rectangle_mesh
-from scenes import alone, example1, one_triangle
+from scenes import alone, example1, one_triangle, prepared
 
 from signorini_fx import algebra as method
 from signorini_fx.algebra.algorithms import alm, strategy
-from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.records import History, Status, Timings
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.records import History, Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.solve_on_mesh import contact_task
 
@@ -217,7 +214,7 @@ def by_enumeration(scene):
     """Pressures of all combinations of stick, slip and signs that are solutions: linear systems and
     inequalities.
     """
-    d = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = prepared(scene)
     system, weight = contact_task(d, History()).system, d.boundary.weight
     stiffness, traces, n = (
         system.matrix.convert("dense").getDenseArray().copy(),

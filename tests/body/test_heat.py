@@ -11,6 +11,7 @@ from dolfinx.fem.petsc import assemble_matrix, create_vector, set_bc
 from hertz import RADIUS, parabolic_block
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import function_of_cells
 from petsc4py import PETSc
 from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scipy.special import beta
@@ -168,7 +169,7 @@ def test_by_forms():
     mesh = tagged.mesh
     V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     Q = fem.functionspace(mesh, ("Lagrange", 1))
-    young, conductivity = (fem.Function(fem.functionspace(mesh, ("DG", 0))) for _ in range(2))
+    young, conductivity = (function_of_cells(mesh) for _ in range(2))
     for region, modulus, k in (("up", 1000.0, 15.0), ("low", 2000.0, 50.0)):
         young.x.array[tagged.cells(region)] = modulus
         conductivity.x.array[tagged.cells(region)] = k

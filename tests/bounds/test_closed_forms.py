@@ -8,6 +8,7 @@ import ufl
 from bounds_under_references import judged
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import function_of_cells
 from scene_tables import fixed
 from scenes import alone
 
@@ -81,7 +82,7 @@ def true_error(solution, bodies):
     """Energy norms of the error of a column and of its solution, and the force of its contact."""
     mesh, d, y = solution.model.tagged.mesh, solution.model.dimension, solution.displacement
     height = ufl.SpatialCoordinate(mesh)[d - 1]
-    modulus = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    modulus = function_of_cells(mesh)
     modulus.x.array[:] = YOUNG
     if bodies == 2:
         modulus.x.array[solution.model.tagged.cells("lower")] = 3 * YOUNG

@@ -7,6 +7,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from commands import summary_in
 
 from signorini_fx.scenes import cli
 
@@ -68,7 +69,7 @@ def here(tmp_path, capsys):
 
 
 def read_summary(tmp_path):
-    return json.loads((tmp_path / "out" / "summary.json").read_text())
+    return summary_in(tmp_path / "out")
 
 
 def read_rows(path):

@@ -1,11 +1,11 @@
 """What people type first, and what they are told: a scene without a command, a command misspelt."""
 
-import json
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
+from commands import summary_in
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine.result_files import read_csv
@@ -99,7 +99,7 @@ def test_all_of_a_few_warnings(tmp_path, capsys):
     (tmp_path / "s.toml").write_text(text)
     out = tmp_path / "out"
     cli.main(["solve", str(tmp_path / "s.toml"), "--out", str(out), "--no-pictures", "--no-fields"])
-    findings = json.loads((out / "summary.json").read_text())["findings"]
+    findings = summary_in(out)["findings"]
     warnings = [finding["path"] for finding in findings if finding["level"] == "warning"]
     said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  warning ")]
     assert len(said) == len(warnings) == 2

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from on_meshes import turn_by
 from shifted_problems import shifted
 
 from signorini_fx.algebra.contact.active_sets import (
@@ -195,7 +196,7 @@ def test_projection_onto_the_disc(disc):
     assert (length(nearest) <= bound * (1 + 1e-15)).all()
     # The condition of the projection onto a convex set, for all corners of a polygon in it.
     for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False):
-        other = bound[:, None] * np.array([np.cos(angle), np.sin(angle)])
+        other = bound[:, None] * turn_by(angle)[:, 0]
         assert (
             inner(shear - nearest, other - nearest) <= 1e-12 * (1 + length(shear)) * bound
         ).all()
@@ -250,7 +251,7 @@ def test_the_primal_sets_give_the_projection(disc):
 def test_the_law_does_not_depend_on_the_tangents(disc, angle):
     """Turned tangents turn directions and shears, and change no set."""
     direction, u_t, mu_hat, bound = disc
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    turn = turn_by(angle)
     start = ActiveSets.of(
         np.ones(bound.size, dtype=bool), unit(direction), np.full(bound.size, GAMMA_T / 2)
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import turn_by
 from scene_tables import coulomb_friction, fixed, tresca_friction
 from scenes import alone
 from spaces import block, box, brick
@@ -50,7 +51,7 @@ def inclined(law, angle, slope):
     of the plane.
     """
     weight = PRESS * 4.0
-    pull = slope * weight / 4.0 * np.array([np.cos(angle), np.sin(angle)])  # per volume
+    pull = slope * weight / 4.0 * turn_by(angle)[:, 0]  # per volume
     contact = {"boundary": "bottom", "friction": LAWS[law]}
     press = {"boundary": "top", "pressure": PRESS}
     force = {"x": float(pull[0]), "y": float(pull[1])}
@@ -69,7 +70,7 @@ def test_critical_slope(law, angle):
     held = alone(inclined(law, angle, 0.9999 * critical))
     assert held.converged
     force = -held.contact.forces[1][:2] / (PRESS * 4.0)
-    assert_allclose(force, 0.9999 * critical * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
+    assert_allclose(force, 0.9999 * critical * turn_by(angle)[:, 0], rtol=1e-6)
     assert held.contact_figures[0].friction_limit == pytest.approx(critical * PRESS * 4.0, rel=1e-6)
     assert alone(inclined(law, angle, 1.0001 * critical), check=False).status is Status.SLIDES
     assert alone(inclined(law, angle, 0.5 * critical)).friction_used == pytest.approx(0.5, rel=1e-6)

@@ -1,17 +1,16 @@
 """Friction that follows the speed of slip: steady sliding of blocks on belts, and what refuses it."""
 
 import re
-import subprocess
-import sys
 from typing import Literal
 
 import numpy as np
 import pytest
+from commands import run_python
 from dolfinx import fem
 from forms import box, hooke, side
 from numpy.testing import assert_allclose
 from on_meshes import no_load, trial_and_test, vector_space
-from scene_tables import box_mesh, plane_shape, rectangle_mesh
+from scene_tables import box_mesh, floor, rectangle_mesh
 
 import signorini_fx as sfx
 from signorini_fx.mechanics.laws.at_points import fault_of
@@ -61,7 +60,7 @@ AT_SPEED = {"creep": 0.4198947636399186, "fading": 0.3135335283236613}
 
 def on_a_belt(friction, times, **keys):
     """A block that springs hold, pressed onto a plane that moves under it."""
-    plane = plane_shape([0.0, 0.0], [0.0, 1.0])
+    plane = floor()
     return sfx.Scene(
         **{
             "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
@@ -316,7 +315,7 @@ def test_nothing_of_it_is_imported_unless_it_is_named():
         "sfx.solve(sfx.read_scene('demos/scenes/example1_coulomb.toml')); "
         "print([name for name in sys.modules if 'stribeck' in name or 'sliding_jumps' in name])"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    ended = run_python(code)
     assert ended.stdout.splitlines()[-1] == "[]"
 
 

@@ -1,13 +1,12 @@
 """Wear: depths by closed forms, worn cylinders and pins, and what it does not go with."""
 
 import csv
-import subprocess
-import sys
 import tomllib
 
 import numpy as np
 import pytest
 import ufl
+from commands import run_python
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import Block
@@ -520,5 +519,5 @@ def test_it_is_not_imported():
         "'contact = {boundary = \"bottom\"}')));"
         "print([name for name in sys.modules if 'wear' in name])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = run_python(code)
     assert done.stdout.strip() == "[]"

@@ -7,6 +7,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import turn_by
 from scenes import alone
 from space_patches import (
     ELEMENTS,
@@ -83,7 +84,7 @@ def test_the_limit(element, linear_algebra):
 def test_in_the_plane(algorithm):
     """A rectangle on a slope, held by a wall across it."""
     angle = 0.4
-    back = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    back = turn_by(angle)
     mesh = dmesh.create_rectangle(
         MPI.COMM_SELF, [(0.0, 0.0), (2.0, 1.0)], (4, 3), dmesh.CellType.quadrilateral
     )

@@ -1,8 +1,7 @@
 """From a deck to a result, with an exit code for what was left out."""
 
-import json
-
 import pytest
+from commands import summary_in
 from deck_lines import STEEL, squares, stacked
 
 from signorini_fx.scenes import cli
@@ -64,7 +63,7 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
     assert (
         "MASSLESS: soft contact is read as LINEAR or TIED only: this contact is hard</li>" in page
     )
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["converged"]
+    assert summary_in(tmp_path / "out")["converged"]
 
 
 def test_a_deck_without_its_contact(tmp_path, capsys):
@@ -112,7 +111,7 @@ def test_finite_strains(tmp_path, capsys):
     assert 'law = "saint-venant-kirchhoff"' in draft
     assert "sliding" not in draft.partition("[mesh]")[2]
     assert solved(tmp_path, capsys)[0] == 0
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = summary_in(tmp_path / "out")
     assert summary["converged"]
     assert summary["incomplete"] == []
 

@@ -1,11 +1,9 @@
 """Bonds that tear, with the closed solutions of columns and blocks, and the beam theory of a double cantilever."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from boxes import Box, boxes_mesh
+from commands import run_python
 from forms import box, hooke, side
 from mpi4py import MPI
 from numpy.testing import assert_allclose
@@ -368,7 +366,5 @@ def test_nothing_without_bonds():
         "    traction=pressed, displacement=left, contact=sfx.Contact(boundary='bottom')))\n"
         "print([m for m in sys.modules if 'cohesion' in m or 'softening' in m or 'bond' in m])\n"
     )
-    found = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    found = run_python(program)
     assert found.stdout.splitlines()[-1] == "[]"

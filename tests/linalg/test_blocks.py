@@ -13,7 +13,7 @@ from dolfinx import default_scalar_type, fem, jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
-from on_meshes import trial_and_test, vector_space
+from on_meshes import function_of_cells, trial_and_test, vector_space
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import alone, example1, same_answer
@@ -74,7 +74,7 @@ def two_matrices(dimension, comm):
         )
     )
     space = vector_space(mesh)
-    moduli = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    moduli = function_of_cells(mesh)
     moduli.x.array[:] = 1 + np.random.default_rng(comm.rank).random(moduli.x.array.size)
     moduli.x.scatter_forward()
     y, z = trial_and_test(space)

@@ -2,11 +2,9 @@
 of forms.
 """
 
-import subprocess
-import sys
-
 import forms
 import pytest
+from commands import run_python
 from forms import block_on_a_floor
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -85,9 +83,7 @@ def test_packages_that_run_out():
     """CHOLMOD's error and MUMPS's reason are told from those of matrices that have no factor;
     nothing is printed.
     """
-    ended = subprocess.run(
-        [sys.executable, "-c", LIMITED], capture_output=True, text=True, check=True
-    )
+    ended = run_python(LIMITED)
     assert ended.stdout.splitlines() == ["False False False False", "True True"]
     assert "CHOLMOD" not in ended.stderr
 

@@ -13,16 +13,14 @@ from mpi4py import MPI
 from on_meshes import trial_and_test, vector_space
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
-from scenes import alone, example1, same_answer, table_of
+from scenes import alone, example1, prepared, same_answer, table_of
 from spaces import LAWS, block, friction_of, pushed_brick
 
 from signorini_fx import ContactProblem, Foundation
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
-from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.displacement import Displacement
-from signorini_fx.records import History, Status, Timings
+from signorini_fx.records import History, Status
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.mesh_sequence import MeshedScene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -333,7 +331,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
         return cost.linear_algebra.partition(":")[0]
 
     def assembled(scene):
-        return prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+        return prepared(scene)
 
     plane, solid = example1(nx=96, ny=32), block(6, linear_algebra="auto")
     rubber = solid.model_copy(

@@ -1,11 +1,10 @@
 """Where FEniCSx is missing or too old there is one sentence, with the ways to get it."""
 
 import importlib
-import subprocess
-import sys
 
 import dolfinx
 import pytest
+from commands import run_python
 
 from signorini_fx import errors
 from signorini_fx.errors import InstallationError
@@ -42,9 +41,7 @@ def test_python():
         "r.find_spec = lambda n: None if n == 'dolfinx' else u.find_spec(n); import signorini_fx; "
         "signorini_fx.read_scene; signorini_fx.solve"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
-    )
+    ended = run_python(code, check=False)
     assert "InstallationError: dolfinx cannot be imported" in ended.stderr
     assert "During handling" not in ended.stderr
 

@@ -9,6 +9,7 @@ import pytest
 from mesh_files import read_file, write_msh
 from mesh_quality import quality
 from mpi4py import MPI
+from on_meshes import corners_of_cells
 
 from signorini_fx import MeshError, SceneError, TaggedMesh
 from signorini_fx.machine import compat
@@ -97,7 +98,7 @@ def edges(tagged: TaggedMesh, name: str) -> np.ndarray:
 
 def far_sizes(tagged: TaggedMesh) -> np.ndarray:
     """Of the cells that are far from the hole."""
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)
+    x = corners_of_cells(tagged).mean(axis=1)
     cells = np.flatnonzero(np.hypot(x[:, 0], x[:, 1]) > 30).astype(np.int32)
     return tagged.mesh.h(tagged.dimension, cells)
 
@@ -141,7 +142,7 @@ def test_of_two_bodies_the_one_that_is_named_has_the_size(drawings):
 def test_sizes_grow_by_a_quarter_per_length(drawings):
     arrays = read_file(drawings / "plane.geo")
     tagged = load_mesh(scene(drawings / "plane.geo", contact=0.1), MPI.COMM_SELF)
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
+    x = corners_of_cells(tagged)
     middle, lengths = x.mean(axis=1), np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).mean(axis=1)
     away = np.hypot(middle[:, 0], middle[:, 1]) - RADIUS
     low = (middle[:, 1] < 0) & (away < 6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import turn_by, vector_space
 from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import residual
 from support.sliding_bodies import blocks, cylinders, stacked
@@ -47,7 +47,7 @@ def open_ring(kind, comm=MPI.COMM_SELF, degree=1):
 def test_a_ring_whose_ends_pass_through_each_other(kind):
     """Its last solution is that of a step in which they do not meet."""
     problem, drive = open_ring(kind, MPI.COMM_WORLD)
-    middle = 2.5 * np.array([np.cos(ANGLE), np.sin(ANGLE)])
+    middle = 2.5 * turn_by(ANGLE)[:, 0]
 
     def move(t):
         drive.value[:2] = t * (np.array([2.5, 0.6]) - middle)

@@ -5,6 +5,7 @@ and ranks.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from on_meshes import turn_by
 from scene_tables import coulomb_friction, fixed
 from scipy.optimize import brentq
 from support.nonlinear_scenes import (
@@ -150,7 +151,7 @@ def test_small_loads_are_those_of_the_linear_scene(name, warmer):
 def test_objectivity(name):
     """A scene that is rotated as a whole has rotated forces."""
     angle = 0.7
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn = turn_by(angle)
     exact = {
         "solver": {"algorithm": "alm"}
     }  # the penalty follows entries of the matrix, which rotate

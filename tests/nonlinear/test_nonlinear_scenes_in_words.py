@@ -1,11 +1,11 @@
 """Scenes with nonlinear materials: what is refused, what ``check`` says, and the result folder."""
 
-import json
 from dataclasses import replace
 
 import jsonschema
 import numpy as np
 import pytest
+from commands import summary_in
 from mpi4py import MPI
 from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
 from scenes import alone
@@ -158,9 +158,7 @@ def test_folder(tmp_path):
     summary = write_results(solution, tmp_path, pictures=False)
     assert not {"strain_energy", "friction_used", "plastic_strain"} & set(summary)
     assert summary["stress"]["recovered"] is summary["stress"]["error"] is None
-    jsonschema.Draft202012Validator(summary_schema()).validate(
-        json.loads((tmp_path / "summary.json").read_text())
-    )
+    jsonschema.Draft202012Validator(summary_schema()).validate(summary_in(tmp_path))
     assert summary["scene"]["material"][0]["law"] == "neo-hooke"
     assert summary["title"] == "Rubber"
     rows = read_results(tmp_path).summary.steps

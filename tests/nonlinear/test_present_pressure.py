@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scene_tables import fixed, plane_shape
+from scene_tables import fixed, floor, plane_shape
 from scenes import alone
 
 from signorini_fx import solve
@@ -16,7 +16,7 @@ from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 RUBBER = {"law": "neo-hooke", "young": 2.0, "poisson": 0.3}
-FLAT = plane_shape([0.0, 0.0], [0.0, 1.0])
+FLAT = floor()
 SPATIAL = plane_shape([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
 SIDES = {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}
 CUBE = {"length": 1.0, "width": 2.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from parameters import slow
-from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scene_tables import circle_shape, coulomb_friction, fixed, floor, rectangle_mesh
 from scenes import alone
 from scipy.integrate import solve_ivp
 
@@ -26,7 +26,7 @@ YOUNG = 2 * SHEAR * (1 + POISSON)
 BULK = YOUNG / (3 * (1 - 2 * POISSON))
 BRANCHES = [[60.0, 0.5], [25.0, 4.0]]
 MATERIAL = {"law": "maxwell", "young": YOUNG, "poisson": POISSON, "branches": BRANCHES}
-PLATE = plane_shape([0.0, 0.0], [0.0, 1.0])
+PLATE = floor()
 TIMES = [0.1, 0.25, 0.5, 0.7, 3.0, 40.0]
 
 

@@ -7,6 +7,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import turn_by
 from parameters import slow
 from scene_tables import box_mesh, coulomb_friction, fixed
 from scenes import alone
@@ -131,7 +132,7 @@ def problem(shape, angle=0.0, unit=1.0, friction=0.5, **settings):
 
 def turn_matrix(angle):
     """In 2D, of radians."""
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn_by(angle)
 
 
 def turned_roller(angle, unit=1.0):

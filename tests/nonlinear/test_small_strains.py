@@ -9,7 +9,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from on_meshes import at_coordinate, vector_space
-from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scene_tables import coulomb_friction, fixed, floor, rectangle_mesh
 from scenes import alone
 from support.nonlinear_scenes import LAWS, block, material
 
@@ -65,7 +65,7 @@ def test_contact_at_displacements_of_any_size(contact):
     """
     large = rectangle_mesh(7, 2, length=1.5, height=0.5)
     small = rectangle_mesh(6, 3, length=1.0, height=0.5)
-    plate = plane_shape([0.0, 0.0], [0.0, 1.0])
+    plate = floor()
     rough = {"friction": coulomb_friction(0.3)}
     for scale in SCALES:
         if contact == "plane":

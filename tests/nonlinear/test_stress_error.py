@@ -5,7 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, turn_by, vector_space
 from reference import interpolated
 from scene_tables import circle_shape, rectangle_mesh
 
@@ -149,7 +149,7 @@ def under_a_circle(degree, cells, turn=0.0, values=None):
         MPI.COMM_SELF, [[0.0, 0.0], [10.0, 1.0]], cells, mesh.CellType.triangle
     )
     u = fem.Function(vector_space(strip, degree))
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    rotation = turn_by(turn)
     left, top = (
         mesh.locate_entities_boundary(strip, 1, lambda x, k=k: np.isclose(x[k], k)) for k in (0, 1)
     )

@@ -3,16 +3,15 @@ own, and what must not depend on where the corner is between the nodes.
 """
 
 import csv
-import json
 import math
 
 import forms
 import numpy as np
 import pytest
-import ufl
+from commands import summary_in
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import trial_and_test, vector_space
+from on_meshes import no_load, trial_and_test, turn_by, vector_space
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from test_corners import OVERLAP, block, edge
 
@@ -141,7 +140,7 @@ def test_closed_lines_in_both_directions(turned):
     """A box, one of whose corners is its first point, placed and turned; both corners are felt."""
     box = np.array([[1.52, 0.0], [1.52, -1.0], [0.57, -1.0], [0.57, 0.0]])
     pivot, angle = np.array([0.3, -0.2]), -math.radians(turned)
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    turn = turn_by(angle)
     points = ((box - pivot) @ turn.T + pivot).tolist()
     for line in (points, points[::-1]):
         placed = {"rotation": turned, "pivot": pivot.tolist()}
@@ -193,7 +192,7 @@ def test_forms_as_scenes():
     given.x.array[1::2] = -OVERLAP
     held = fem.dirichletbc(given, fem.locate_dofs_topological(V, 1, forms.side(mesh, 1, 1.0)))
     contact = Foundation(forms.side(mesh, 1, 0.0), shape=edge(1.025), friction=Coulomb(0.3))
-    nothing = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+    nothing = no_load(mesh, v)
     problem = ContactProblem(forms.hooke(u, v), nothing, [held], contact)
     problem.solve()
     scene = solve(block(edge(1.025), contact=ROUGH))
@@ -329,7 +328,7 @@ def test_results(tmp_path):
     """A force is no pressure: corners have a table, a line and a list of their own."""
     solution = solve(block(edge(1.05)))
     write_results(solution, tmp_path, fields=False, pictures=False)
-    summary = json.loads((tmp_path / "summary.json").read_text())
+    summary = summary_in(tmp_path)
     assert summary["max_pressure"] == 0.0
     assert summary["touching_nodes"] == 0
     assert summary["contact_nodes"] == 21

@@ -4,17 +4,14 @@ the plane.
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import no_load
 from scene_tables import box_mesh, coulomb_friction, fixed
+from scenes import prepared
 from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
 
 from signorini_fx import ContactProblem, Coulomb, Pair, Tresca
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.records import Timings
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 EXACT = {"algorithm": "alm", "tolerance": 1e-10}
@@ -92,7 +89,7 @@ def pressed(
                 bcs.append(held(space, plane, axis, value))
     bcs += [held(space, top, k, 0.01 if k != axis else side) for k in range(up)]
     friction, bonded = given.pop("friction", None), given.pop("bonded", False)
-    nothing = ufl.inner(fem.Constant(mesh, (0.0,) * dim), v) * ufl.dx
+    nothing = no_load(mesh, v)
     pair = Pair(*sides, kind="bonded") if bonded else Pair(*sides, friction=friction)
     problem = ContactProblem(a, nothing, bcs, contact=pair, **EXACT | given)
     problem.solve()
@@ -234,5 +231,5 @@ def test_supports_that_move(support, symmetric):
     scene = two_boxes(
         support, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(support, str) else {})
     )
-    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    found = prepared(scene)
     assert found.pairs[0].across.any() == symmetric

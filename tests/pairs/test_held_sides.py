@@ -10,7 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from on_meshes import trial_and_test, vector_space
+from on_meshes import no_load, trial_and_test, vector_space
 from parameters import slow
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
@@ -118,7 +118,7 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
         young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
         + lame * ufl.div(u) * ufl.div(v) * ufl.dx
     )
-    nothing = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+    nothing = no_load(mesh, v)
     pair = Pair(all_facets[slave], all_facets[1 - slave], reach=0.5)
     return ContactProblem(a, nothing, bcs=bcs, contact=pair, algorithm="alm"), exact
 

@@ -1,12 +1,13 @@
 """Scenes in which two deformable bodies are in contact."""
 
-import json
 import re
 
 import jsonschema
 import numpy as np
 import pytest
+from commands import summary_in
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
+from scenes import prepared
 from two_cylinders import DEMO, altered, in_balance
 
 from signorini_fx import SceneError, read_scene, solve, write_results
@@ -111,7 +112,7 @@ def test_shrink_fit(tmp_path):
     assert "about its middle, at most 350" in text
     assert re.search(r"rim: \(0, 0\) by traction, moment -?301\d\d", text)
     write_results(solution, tmp_path / "out", fields=False, pictures=False)
-    written = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    written = summary_in(tmp_path / "out")
     jsonschema.Draft202012Validator(summary_schema()).validate(written)
     steps = {
         name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]
@@ -133,16 +134,9 @@ def test_shrink_fit(tmp_path):
 )
 def test_where_points_are(changes, side):
     """By rule only where no value is a function, which was written for ``boundary``."""
-    from mpi4py import MPI
-
-    from signorini_fx.mechanics.body.discretisation import prepare
-    from signorini_fx.records import Timings
-    from signorini_fx.scenes.mesh import load_mesh
 
     scene = parse_scene(altered(boundary="lower", against="upper", **changes))
-    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[
-        0
-    ]
+    found = prepared(scene).statement.contact[0]
     assert found.boundary == side
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
 

@@ -2,13 +2,13 @@
 scene pays.
 """
 
-import json
 import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from commands import summary_in
 from drawing import needs_pictures_in_3d
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
@@ -308,4 +308,4 @@ print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py",
         [sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True
     )
     assert run.stdout.strip() == "[]"
-    assert json.loads((folders["coulomb"] / "summary.json").read_text())["dimension"] == 3
+    assert summary_in(folders["coulomb"])["dimension"] == 3

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from on_meshes import turn_by
 from scene_tables import coulomb_friction, tresca_friction
 from turned_scenes import block, scene
 
@@ -255,7 +256,7 @@ def test_the_room_that_statics_leaves():
 
     half = coulomb_friction(0.5)
     for angle in (0.0, 0.3, 2.0):
-        direction = np.array([np.cos(angle), np.sin(angle)])
+        direction = turn_by(angle)[:, 0]
         assert room(0.499 * direction, half) > 0
         assert room(0.501 * direction, half) < 0
         assert room(0.499 * direction, tresca_friction(0.5)) > 0

@@ -5,7 +5,6 @@ outside.
 import base64
 import csv
 import io
-import json
 import math
 import re
 import shutil
@@ -18,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import summary_in
 from mpi4py import MPI
 from on_meshes import at_coordinate
 from PIL import Image
@@ -106,7 +106,7 @@ def folder(request, folders):
 
 
 def summary_of(folder):
-    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return summary_in(folder)
 
 
 def rows_of(file):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import architecture
 import pytest
+from commands import run_python
 
 from signorini_fx import InstallationError, extensions
 from signorini_fx.extensions import ADD_ONS, add_on
@@ -216,9 +217,7 @@ def test_a_missing_package_is_one_message():
         "import signorini_fx.scenes.cli, signorini_fx.results.files\n"
         "add_on('pictures')"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
-    )
+    ended = run_python(code, check=False)
     assert (
         "MissingPackageError: 'pictures' needs matplotlib, which is not installed: pip install "
         "matplotlib" in ended.stderr
@@ -363,7 +362,7 @@ def test_the_elements_of_others_stay_as_they_are():
         "sfx.solve(sfx.read_scene('demos/scenes/example1_coulomb.toml')); "
         "print(elements.cell is before, len(made) < 100)"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    ended = run_python(code)
     assert ended.stdout.splitlines()[-1] == "True True"
 
 
@@ -411,7 +410,7 @@ L = ufl.inner(ufl.as_vector((0, -1e-3)), v) * ufl.dx
 low = mesh.locate_entities_boundary(square, 1, lambda x: numpy.isclose(x[1], 0))
 sfx.ContactProblem(a, L, contact=sfx.Foundation(low, friction=sfx.Coulomb(0.3))).solve()
 print(sum(name.startswith("signorini_fx") for name in sys.modules) <= 98)"""
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    ended = run_python(code)
     assert ended.stdout.splitlines()[-1] == "True"
 
 

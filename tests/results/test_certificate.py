@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from certifying import certify
 from mpi4py import MPI
+from on_meshes import corners_of_cells
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone, example1, stack_of_three, table_of
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.model import Model
@@ -468,7 +468,7 @@ def test_a_node_smaller_than_the_digits_of_the_displacement():
     )
     tagged = load_mesh(scene, MPI.COMM_SELF)
     for _ in range(30):
-        x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
+        x = corners_of_cells(tagged)
         at_corner = (np.abs(x).max(axis=2) == 0.0).any(axis=1)
         tagged = refine(tagged, np.flatnonzero(at_corner).astype(np.int32))
     solution = alone(scene.model_copy(update={"mesh": tagged}))

@@ -2,9 +2,8 @@
 waits for ever.
 """
 
-import json
-
 import pytest
+from commands import summary_in
 from mpi4py import MPI
 from scenes import alone, example1
 
@@ -69,7 +68,7 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
         MANIFEST,
     }
     assert not any(path.suffix == ".png" for path in folder.iterdir())
-    assert json.loads((folder / "summary.json").read_text())["findings"] == summary["findings"]
+    assert summary_in(folder)["findings"] == summary["findings"]
     COMM.Barrier()
 
 
@@ -99,7 +98,7 @@ def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
         cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
     )
     assert f"interrupted: the results are in {out}/" in capfd.readouterr().err
-    summary = json.loads((out / "summary.json").read_text())
+    summary = summary_in(out)
     assert [found["path"] for found in summary["findings"] if "is missing" in found["message"]] == [
         "pictures"
     ]

@@ -2,13 +2,13 @@
 is a warning.
 """
 
-import json
 import runpy
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
+from commands import summary_in
 from quantities import markdown
 from scenes import alone, example1
 
@@ -52,7 +52,7 @@ def test_one_file(register, monkeypatch, tmp_path):
     right = columns["x"] > 1.5 + 1e-6
     mean = np.average(columns["pressure"][right], weights=columns["weight"][right])
     assert summary[KEY] == pytest.approx(mean, rel=1e-13)
-    written = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    written = summary_in(tmp_path)
     jsonschema.validate(written, summary_schema())
     results = read_results(tmp_path)
     assert getattr(results.summary, KEY) == written[KEY] == summary[KEY]

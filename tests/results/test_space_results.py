@@ -3,10 +3,10 @@ and the fields.
 """
 
 import csv
-import json
 
 import numpy as np
 import pytest
+from commands import summary_in
 from mesh_files import arrays_of
 from numpy.testing import assert_allclose, assert_array_equal
 from scenes import alone
@@ -38,7 +38,7 @@ def test_files(written):
     the table.
     """
     _, folder = written
-    summary = json.loads((folder / "summary.json").read_text())
+    summary = summary_in(folder)
     assert summary["dimension"] == 3
     assert "zones" not in summary
     assert summary["areas"]["stick"] + summary["areas"]["slip"] == pytest.approx(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from commands import summary_in
 from pushed_block import LIMIT, PRESSURE
 from pushed_block import block as pushed_block
 from quantities import markdown
@@ -200,7 +201,7 @@ def written(tmp_path_factory):
     for name, scene in SCENES.items():
         folder = tmp_path_factory.mktemp("summary")
         write_results(alone(scene(), check=False), folder, pictures=False)
-        found[name] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        found[name] = summary_in(folder)
     return found
 
 

@@ -8,7 +8,7 @@ from itertools import combinations
 import declared_refusals as refusals
 import pytest
 from mpi4py import MPI
-from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scene_tables import box_mesh, coulomb_friction, fixed, floor, rectangle_mesh
 
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.mechanics.statement.features import features
@@ -23,7 +23,7 @@ BASE = {
     "displacement": [{"boundary": "top", "x": 0.0, "y": -0.001}],
     "contact": {"boundary": "bottom", "friction": coulomb_friction(0.3)},
 }
-PLANE = plane_shape([0.0, 0.0], [0.0, 1.0])
+PLANE = floor()
 ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [300.0] * 3}
 SECTION = {"point": [1.0, 0.37], "axis": [0.0, 1.0]}
 TRIANGLES = {"mesh": {"parameters": {"cell": "triangle"}}}

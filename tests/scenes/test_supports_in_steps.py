@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scene_tables import coulomb_friction, fixed, floor, rectangle_mesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scenes.reading import as_scene
@@ -102,7 +102,7 @@ def test_what_is_wrong(holds, more, said):
     assert said in str(raised.value)
 
 
-PLANE = plane_shape([0.0, 0.0], [0.0, 1.0])
+PLANE = floor()
 FEW = [
     {"boundary": "top", "x": 0.0, "y": -1e-5},
     {"boundary": "left", "x": 0.0, "holds": [True, False, True]},

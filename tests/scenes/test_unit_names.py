@@ -2,10 +2,10 @@
 number.
 """
 
-import json
 import re
 
 import pytest
+from commands import summary_in
 from scenes import alone, example1
 
 from signorini_fx.addons.pictures.style import unit_of
@@ -64,9 +64,7 @@ def test_the_page_has_units_and_the_tables_do_not_change(tmp_path):
     named = scene.model_copy(update={"units": Units(length="mm", stress="MPa")})
     for folder, one in (("bare", scene), ("named", named)):
         write_results(alone(one), tmp_path / folder, fields=False, pictures=True)
-    summaries = [
-        json.loads((tmp_path / name / "summary.json").read_text()) for name in ("bare", "named")
-    ]
+    summaries = [summary_in(tmp_path / name) for name in ("bare", "named")]
     assert summaries[0]["max_pressure"] == summaries[1]["max_pressure"]
     assert (tmp_path / "bare/contact.csv").read_bytes() == (
         tmp_path / "named/contact.csv"

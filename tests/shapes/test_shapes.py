@@ -17,6 +17,7 @@ from scene_tables import (
     circle_shape,
     coulomb_friction,
     fixed,
+    floor,
     plane_shape,
     rectangle_mesh,
 )
@@ -536,7 +537,7 @@ def moving(*, tool, shift, rotation=0.0, **more):
         "material": {"young": 1000.0, "poisson": 0.3},
         "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]},
     }
-    foundation = plane_shape([0.0, 0.0], [0.0, 1.0])
+    foundation = floor()
     top = (
         dict.fromkeys(axes, 0.0)
         if tool

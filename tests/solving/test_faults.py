@@ -5,7 +5,6 @@ A result folder holds a whole result or none: every test here ends by looking fo
 """
 
 import csv
-import json
 import os
 import resource
 import signal
@@ -15,6 +14,7 @@ import time
 
 import numpy as np
 import pytest
+from commands import summary_in
 from mpi4py import MPI
 from scenes import alone, example1
 
@@ -42,7 +42,7 @@ def whole(folder):
     """
     if not (folder / "summary.json").exists():
         return None
-    nodes = json.loads((folder / "summary.json").read_text())["contact_nodes"]
+    nodes = summary_in(folder)["contact_nodes"]
     assert len(list(csv.DictReader((folder / "contact.csv").read_text().splitlines()))) == nodes
     assert (folder / "history.csv").stat().st_size > 0
     return nodes

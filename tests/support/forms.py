@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import trial_and_test, vector_space
+from on_meshes import function_of_cells, trial_and_test, vector_space
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
@@ -91,7 +91,7 @@ def draw(seed):
     springs = fem.Constant(
         mesh, (0.0 if held else unit * 10.0 ** rng.uniform(-3, 0)) * positive(rng, d)
     )
-    softer = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    softer = function_of_cells(mesh)
     softer.x.array[:] = rng.uniform(0.3, 1.0, softer.x.array.size)
     force, pull = (fem.Constant(mesh, 0.05 * unit * rng.standard_normal(d)) for _ in range(2))
     a = (

@@ -4,7 +4,7 @@ import basix.ufl
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate
+from on_meshes import at_coordinate, turn_by
 from parameters import slow
 from scene_tables import box_mesh, circle_shape, coulomb_friction, fixed, rectangle_mesh
 
@@ -117,7 +117,7 @@ def quarter_of_disk(cells, comm=MPI.COMM_SELF):
     def outer(along, out):
         """From a side of the square to the arc."""
         side, angle = np.array([corner + 0 * along, corner * along]), np.pi / 4 * along
-        return (1 - out) * side + out * np.array([np.cos(angle), np.sin(angle)])
+        return (1 - out) * side + out * turn_by(angle)[:, 0]
 
     points, corners = [], []
     for patch in (corner * np.array([a, b]), outer(b, a), outer(a, b)[::-1]):

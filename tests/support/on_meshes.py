@@ -1,8 +1,10 @@
-"""Spaces and sides of meshes, which many tests need."""
+"""Spaces, sides and values on meshes, which many tests need."""
 
 import numpy as np
 import ufl
 from dolfinx import fem
+
+from signorini_fx.machine import compat
 
 
 def vector_space(mesh, degree=1, components=None):
@@ -29,3 +31,23 @@ def nodes(solution):
     """Positions and displacements of the nodes of this rank."""
     x = solution.displacement.function_space.tabulate_dof_coordinates()
     return x, solution.displacement.x.array.reshape(len(x), -1)
+
+
+def tensors(function):
+    """Values of a tensor, shape (n, 3, 3)."""
+    return function.x.array.reshape(-1, 3, 3)
+
+
+def function_of_cells(mesh):
+    """A function that is constant on each cell."""
+    return fem.Function(fem.functionspace(mesh, ("DG", 0)))
+
+
+def corners_of_cells(tagged):
+    """Positions of the nodes of each cell, shape (cells, nodes, 3)."""
+    return tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
+
+
+def turn_by(angle):
+    """The rotation of the plane by an angle."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -33,6 +33,11 @@ def plane_shape(point, normal):
     return {"shape": "plane", "point": point, "normal": normal}
 
 
+def floor():
+    """The table of the foundation y = 0."""
+    return plane_shape([0.0, 0.0], [0.0, 1.0])
+
+
 def circle_shape(centre, radius):
     """The table of a round foundation."""
     return {"shape": "circle", "centre": centre, "radius": radius}

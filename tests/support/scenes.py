@@ -9,9 +9,11 @@ from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, gmsh_mesh
-from signorini_fx.records import Status
+from signorini_fx.records import Status, Timings
+from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -138,6 +140,11 @@ def alone(scene, **options):
 def rectangle(comm=MPI.COMM_SELF, **parameters):
     """The mesh of the generator ``rectangle``."""
     return generate_mesh("rectangle", parameters, comm)
+
+
+def prepared(scene):
+    """The scene on its mesh, before it is solved."""
+    return prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
 
 
 def energy(solution):

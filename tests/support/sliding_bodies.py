@@ -4,7 +4,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import at_coordinate, trial_and_test, vector_space
+from on_meshes import at_coordinate, trial_and_test, turn_by, vector_space
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
@@ -143,7 +143,7 @@ class SlidingBodies:
 def turn_of(angle, dim):
     """A rotation by this angle, in 3D about (1, 2, 3)."""
     if dim == 2:
-        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        return turn_by(angle)
     return Rotation.from_rotvec(angle * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)).as_matrix()
 
 

@@ -1,6 +1,7 @@
 """Constant states of stress in 3D on distorted meshes at any angle."""
 
 import numpy as np
+from on_meshes import turn_by
 from scenes import alone
 from spaces import box, rotation
 
@@ -99,7 +100,7 @@ def pressed(shear=0.0, angle=0.0, creep=0.0):
     """No widening: pressure, and a shear in a direction, at which the bottom has moved by ``creep``
     more.
     """
-    way = np.array([np.cos(angle), np.sin(angle)])
+    way = turn_by(angle)[:, 0]
     along = (shear / GAMMA + creep) * way
     return State(
         (CONFINED, CONFINED, -PRESSURE, 0.0, *(shear * way)), (*along, -GAP - PRESSURE / GAMMA)

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import turn_by
 from scene_tables import fixed, tresca_friction
 from scenes import rectangle
 
@@ -131,7 +132,7 @@ TANGENTS_OF = contact_boundary.tangents_of
 def turned_tangents(normal, rng):
     """Tangents turned at random at every node."""
     angle = rng.uniform(0.0, 2 * np.pi, len(normal))
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn = turn_by(angle)
     return np.einsum("nij,jkn->nik", TANGENTS_OF(normal), turn)
 
 

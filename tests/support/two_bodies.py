@@ -6,7 +6,14 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, no_load, trial_and_test, vector_space
+from on_meshes import (
+    at_coordinate,
+    function_of_cells,
+    no_load,
+    trial_and_test,
+    turn_by,
+    vector_space,
+)
 
 from signorini_fx import ContactProblem, Coulomb, Pair
 from signorini_fx.machine import compat
@@ -63,7 +70,7 @@ def facets(mesh, marker):
 
 def per_cell(mesh, value):
     """A number for each cell, from its middle, of shape (d,)."""
-    found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    found = function_of_cells(mesh)
     dim = mesh.topology.dim
     cells = mesh.topology.index_map(dim)
     count = cells.size_local + cells.num_ghosts
@@ -133,7 +140,7 @@ COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
 def turn_of_blocks(dimension, angle=0.4):
     """Of the plane x[0], x[1]; in 3D about a skew axis."""
     turn = np.eye(dimension)
-    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    turn[:2, :2] = turn_by(angle)
     if dimension == 3:
         other = np.eye(3)
         other[1:, 1:] = turn[:2, :2]

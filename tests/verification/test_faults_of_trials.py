@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from parameters import slow
-from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scene_tables import box_mesh, coulomb_friction, fixed, floor, rectangle_mesh
 from scenes import alone
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import held, rectangle, residual
@@ -417,7 +417,7 @@ def test_between_a_plate_at_rest_and_one_that_moves():
     0.
     """
     plates = [
-        plane_shape([0.0, 0.0], [0.0, 1.0]),
+        floor(),
         {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, "-0.1*t"]},
     ]
     scene = block(

@@ -4,14 +4,14 @@ without a point.
 
 import numpy as np
 import pytest
-from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape
+from scene_tables import circle_shape, coulomb_friction, fixed, floor
 from scenes import alone
 
 from signorini_fx.scenes.reading import parse_scene
 
 DEPTH, POISSON = 1e-4, 0.3
 MODULUS = 1 / (1 - POISSON**2)
-FOUNDATIONS = {"plane": plane_shape([0.0, 0.0], [0.0, 1.0]), "ball": circle_shape([0.0, -1.0], 1.0)}
+FOUNDATIONS = {"plane": floor(), "ball": circle_shape([0.0, -1.0], 1.0)}
 
 
 def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):

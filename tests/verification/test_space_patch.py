@@ -9,6 +9,7 @@ constant state turns into a rigid motion.
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from on_meshes import turn_by
 from parameters import slow
 from space_patches import (
     CONFINED,
@@ -88,7 +89,7 @@ def test_stick(element, turn, law):
     )
     assert solution.converged
     assert_displacement(solution, state, turn)
-    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
+    assert_contact(solution, turn, SHEAR * turn_by(OBLIQUE)[:, 0], "stick")
 
 
 @each_element
@@ -113,7 +114,7 @@ def test_tilted_plane(element, turn):
     )
     assert solution.converged
     assert_displacement(solution, state, turn)
-    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
+    assert_contact(solution, turn, SHEAR * turn_by(OBLIQUE)[:, 0], "stick")
 
 
 @each_element
@@ -146,7 +147,7 @@ def test_slip(element, turn, coulomb):
         },
     )
     assert_displacement(solution, state, turn)
-    assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "slip")
+    assert_contact(solution, turn, SHEAR * turn_by(OBLIQUE)[:, 0], "slip")
 
 
 @each_element

@@ -5,6 +5,7 @@ motions.
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from on_meshes import turn_by
 from scenes import alone
 from spaces import box, brick, disc, friction_of
 
@@ -17,7 +18,7 @@ LIMIT = 0.3 * PRESS * AREA
 
 def pushed(law, angle, share, **more):
     """A push in a direction, in shares of the limit."""
-    force = share * LIMIT / VOLUME * np.array([np.cos(angle), np.sin(angle)])
+    force = share * LIMIT / VOLUME * turn_by(angle)[:, 0]
     return alone(
         brick(law, body_force=dict(zip("xy", map(float, force), strict=True)), **more), check=False
     )
@@ -30,7 +31,7 @@ def test_limit_push(law, angle):
     held = pushed(FRICTION[law], angle, 0.99)
     assert held.status is Status.CONVERGED
     force = held.contact.forces[1]
-    assert_allclose(force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
+    assert_allclose(force[:2], -0.99 * LIMIT * turn_by(angle)[:, 0], rtol=1e-6)
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
