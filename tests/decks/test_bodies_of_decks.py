@@ -1,11 +1,9 @@
 """Nodes of several bodies at one place: temperatures and supports of a deck belong to its nodes."""
 
-import tomllib
-
 import numpy as np
+from deck_lines import drafted
 from scenes import alone
 
-from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
 
 YOUNG, POISSON, EXPANSION = 1000.0, 0.3, 1e-5
@@ -37,14 +35,6 @@ def block(kind, nx, ny, first, low, high, elset):
         lines.append(f"*SURFACE, NAME={name}{first}")
         lines += [f"{first + k}, {face}" for k, (i, _) in enumerate(cells) if i == side]
     return lines, number, x
-
-
-def drafted(folder, lines, code=0):
-    deck, scene = folder / "deck.inp", folder / "draft.toml"
-    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    scene.unlink(missing_ok=True)
-    assert cli.main(["new", str(scene), "--from", str(deck)]) == code
-    return scene, tomllib.loads(scene.read_text(encoding="utf-8"))
 
 
 def test_a_hot_ring_in_a_cold_one(tmp_path):

@@ -2,15 +2,13 @@
 as elastic.
 """
 
-import tomllib
-
 import numpy as np
 import pytest
+from deck_lines import drafted
 from mpi4py import MPI
 from scipy.optimize import brentq
 
 from signorini_fx import solve
-from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
 
 # A square of four cells, its left and its lower side on rollers, its upper one pushed down.
@@ -36,15 +34,6 @@ def pushed(depth):
         *("*BOUNDARY", "WALL, 1, 1", "*STEP, NLGEOM", "*STATIC", "*BOUNDARY"),
         *(f"TOP, 2, 2, {-depth}", "*END STEP"),
     ]
-
-
-def converted(folder, lines, code=0):
-    """The scene file and its data."""
-    deck, scene = folder / "deck.inp", folder / "draft.toml"
-    deck.write_text("\n".join(lines) + "\n")
-    scene.unlink(missing_ok=True)
-    assert cli.main(["new", str(scene), "--from", str(deck)]) == code
-    return (scene, tomllib.loads(scene.read_text())) if code != 2 else (scene, {})
 
 
 def nominal(energy, height):
@@ -97,7 +86,7 @@ def test_rubber(tmp_path, law):
     """As CalculiX has its energies; NLGEOM is nothing to remark on."""
     rows, shape = LAWS[law]
     material = ["*MATERIAL, NAME=M", f"*HYPERELASTIC, {law}".rstrip(", "), *rows]
-    scene, data = converted(tmp_path, [*SQUARE, *material, *GROUND, *pushed(0.2)])
+    scene, data = drafted(tmp_path, [*SQUARE, *material, *GROUND, *pushed(0.2)])
     assert "incomplete" not in data
     assert "NLGEOM" not in scene.read_text()
     solution = solve(read_scene(scene), MPI.COMM_SELF)
@@ -148,7 +137,7 @@ def test_metal_that_yields_as_it_becomes_warm(tmp_path):
         "*EXPANSION",
         "1e-4",
     ]
-    scene, data = converted(tmp_path, [*SQUARE, *EVERY, *material, *GROUND, *WARM])
+    scene, data = drafted(tmp_path, [*SQUARE, *EVERY, *material, *GROUND, *WARM])
     assert "incomplete" not in data
     solution = solve(read_scene(scene), MPI.COMM_SELF)
     plastic = (1000.0 * 1e-2 / 0.75 - 5.0) / (100.0 + 1000.0 / 2 / 0.75)
@@ -170,7 +159,7 @@ def test_two_bodies_of_rubber(tmp_path, law):
     """
     rows, shape = LAWS[law]
     material = ["*MATERIAL, NAME=M", f"*HYPERELASTIC, {law}", *rows]
-    scene, data = converted(tmp_path, [*SQUARE, *TWO, *material, *ROLLING, *pushed(0.4)])
+    scene, data = drafted(tmp_path, [*SQUARE, *TWO, *material, *ROLLING, *pushed(0.4)])
     assert "incomplete" not in data
     assert "sliding" not in data["contact"][0]
     solution = solve(read_scene(scene), MPI.COMM_SELF)
@@ -230,7 +219,7 @@ def _square(says):
 )
 def test_what_is_refused(tmp_path, capsys, material, others, says):
     """By the line of the keyword."""
-    converted(
+    drafted(
         tmp_path, [*_square(says), "*MATERIAL, NAME=M", *material, *others, *pushed(0.1)], code=2
     )
     said = " ".join(capsys.readouterr().err.split())
@@ -258,7 +247,7 @@ def test_rubber_on_metal(tmp_path, yields):
         *(["*PLASTIC", "5., 0."] if yields else []),
     ]
     sides = ["*NSET, NSET=SIDE", "3, 6, 9", "*BOUNDARY", "SIDE, 1, 1"]
-    scene, data = converted(
+    scene, data = drafted(
         tmp_path, [*HALVES, *SOFT, *steel, *GROUND, *sides, *pushed(0.1)], code=4 if yields else 0
     )
     assert [part["law"] for part in data["material"]] == ["mooney-rivlin", "saint-venant-kirchhoff"]

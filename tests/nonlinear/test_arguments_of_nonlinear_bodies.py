@@ -8,19 +8,14 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from on_meshes import at_coordinate, vector_space
-from support.nonlinear_bodies import PLATE, held, rectangle, residual
+from support.nonlinear_bodies import PLATE, held, rectangle, residual, under_shape
 
 from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem, Status
 
 
 def block(**arguments):
     """A block under a plate that presses it, with other arguments."""
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u = fem.Function(space)
-    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
-    return NonlinearContactProblem(
-        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **arguments
-    )
+    return under_shape(PLATE | {"shift": (0.0, -0.05)}, **arguments)
 
 
 def test_wrong_arguments_are_named():

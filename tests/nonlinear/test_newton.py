@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from on_meshes import at_coordinate, trial_and_test, vector_space
 from scene_tables import circle_shape
-from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual
+from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual, under_shape
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.algebra.linalg import is_by_blocks
@@ -20,13 +20,10 @@ def test_a_deep_press_from_rest(hollow, most):
     Newton's method knows, and its last increments fall quadratically, not by this factor.  In a
     bowl, which squeezes the corners, the first increment is halved.
     """
-    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
-    u, radius = fem.Function(space), 2.0 if hollow else 0.5
+    radius = 2.0 if hollow else 0.5
     circle = circle_shape((1.03, 1.0 + radius * (-1 if hollow else 1)), radius)
-    contact = Foundation(side(1, 1.0), shape=circle | {"hollow": hollow}, friction=Coulomb(0.6))
-    problem = NonlinearContactProblem(
-        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact
-    )
+    circle["hollow"] = hollow
+    problem = under_shape(circle, (2.0, 1.0), (16, 8), friction=Coulomb(0.6))
     problem.place(0, shift=(0.0, -0.2))
     problem.solve()
     assert problem.iterations <= most

@@ -21,6 +21,7 @@ from support.nonlinear_bodies import (
     polynomial,
     rectangle,
     residual,
+    under_shape,
 )
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
@@ -176,13 +177,8 @@ def test_state_of_the_material():
 
 def column(coefficient, **options):
     """A column between plates, one of them with friction."""
-    space, side = rectangle([1.0, 8.0], [3, 16], MPI.COMM_WORLD)
-    u = fem.Function(space)
-    friction = coefficient and Coulomb(coefficient)
-    contact = Foundation(side(1, 8.0), shape=PLATE | {"point": (0.0, 8.0)}, friction=friction)
-    return NonlinearContactProblem(
-        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **options
-    )
+    options |= {"friction": coefficient and Coulomb(coefficient), "comm": MPI.COMM_WORLD}
+    return under_shape(PLATE | {"point": (0.0, 8.0)}, (1.0, 8.0), (3, 16), **options)
 
 
 @pytest.mark.mpi(slow=True)
@@ -213,15 +209,11 @@ def test_certificate_notices_what_is_wrong():
     """Another pressure, a displacement that is not in equilibrium, a shape at another place,
     friction the other way.
     """
-    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
-    u = fem.Function(space)
-    circle = circle_shape((0.8, 1.5), 0.5)
-    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    problem = NonlinearContactProblem(
-        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm"
-    )
+    circle, options = circle_shape((0.8, 1.5), 0.5), {"friction": Coulomb(0.3), "algorithm": "alm"}
+    problem = under_shape(circle, (2.0, 1.0), (8, 4), **options)
     problem.place(0, shift=(0.0, -0.1))
     problem.solve()
+    u = problem.u
     solved, form = problem.linear.solved, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):

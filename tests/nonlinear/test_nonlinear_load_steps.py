@@ -8,7 +8,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from scene_tables import circle_shape, plane_shape
-from support.nonlinear_bodies import held, neo_hooke, polynomial, rectangle, residual
+from support.nonlinear_bodies import held, neo_hooke, polynomial, rectangle, residual, under_shape
 
 from signorini_fx import (
     ConvergenceError,
@@ -22,18 +22,8 @@ from signorini_fx import (
 
 def pressed(update=None, energy=neo_hooke, made=NonlinearContactProblem, **options):
     """A block on its ground and a circle over it."""
-    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
-    u = fem.Function(space)
-    circle = circle_shape((0.8, 1.5), 0.5)
-    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    return made(
-        residual(u, energy),
-        u,
-        bcs=[held(space, side(1, 0.0))],
-        contact=contact,
-        update=update,
-        **options,
-    )
+    options |= {"friction": Coulomb(0.3), "update": update, "energy": energy, "make": made}
+    return under_shape(circle_shape((0.8, 1.5), 0.5), (2.0, 1.0), (8, 4), **options)
 
 
 def down(problem, depth=0.2):

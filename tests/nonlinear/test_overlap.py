@@ -4,29 +4,21 @@ seen in time.
 
 import numpy as np
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import held, rectangle, residual
+from scene_tables import circle_shape
+from support.nonlinear_bodies import under_shape
 
-from signorini_fx import ConvergenceError, Foundation, NonlinearContactProblem, Status
+from signorini_fx import ConvergenceError, Status
 
-
-def problem(corner, cells, circle, sides=((1, 1.0),), degree=1, comm=MPI.COMM_SELF):
-    """A body that is held at its bottom, and a circle at some of its sides."""
-    space, side = rectangle(corner, cells, comm, degree=degree)
-    touching = np.unique(np.concatenate([side(*where) for where in sides]))
-    u = fem.Function(space)
-    shape = {"shape": "circle", **circle}
-    contact = Foundation(touching, shape=shape)
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+BALL = circle_shape((1.52, 1.051), 0.05)
+POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1, 2.0))}
 
 
 @pytest.mark.mpi
 @pytest.mark.one_quick("degree", [1, 2])
 def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
     """No node lies in it, and the residual is zero: all is left as it was before."""
-    circle = {"centre": (1.52, 1.051), "radius": 0.05}
-    found = problem((4.0, 1.0), (16, 4), circle, degree=degree, comm=MPI.COMM_WORLD)
+    found = under_shape(BALL, (4.0, 1.0), (16, 4), degree=degree, comm=MPI.COMM_WORLD)
     found.place(0, shift=(0.0, -0.3))
     with pytest.raises(
         ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.0\d+ at \(1\.5"
@@ -37,18 +29,6 @@ def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
     found.place(0, shift=(0.0, -0.01))
     assert found.solve() is found.u
     assert found.status is Status.CONVERGED
-
-
-def with_shape(shape, corner=(1.0, 1.0), cells=(10, 10), sides=((1, 1.0),), comm=MPI.COMM_SELF):
-    """A body that is held at its bottom, and a shape at some of its sides."""
-    space, side = rectangle(list(corner), list(cells), comm)
-    touching = np.unique(np.concatenate([side(*where) for where in sides]))
-    u = fem.Function(space)
-    contact = Foundation(touching, shape=shape)
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
-
-
-POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1, 2.0))}
 
 
 @pytest.mark.one_quick(
@@ -64,7 +44,7 @@ def test_the_way_through_a_body(shape):
     """A ball or a tip that is led through a post in one step has passed through it; around it, it
     has not.
     """
-    found = with_shape(shape, **POST)
+    found = under_shape(shape, **POST)
     found.solve()
     found.place(0, shift=(5.0, 0.0))
     with pytest.raises(
@@ -80,8 +60,7 @@ def test_the_way_through_a_body(shape):
 @pytest.mark.one_quick("steps", [1, 24])
 def test_a_post_is_not_passed_through(steps):
     """A circle that moves through a post bends it: the force is not zero in steps that touch it."""
-    sides = ((0, 0.0), (0, 0.5), (1, 2.0))
-    found = problem((0.5, 2.0), (3, 10), {"centre": (-4.0, 1.5), "radius": 0.3}, sides)
+    found = under_shape(circle_shape((-4.0, 1.5), 0.3), **POST)
     forces = []
 
     def on_step(step):
@@ -96,7 +75,7 @@ def test_a_post_is_not_passed_through(steps):
 @pytest.mark.one_quick
 def test_a_way_into_the_body_says_so():
     """The reason of its last step comes first, with the time, and the time that has a solution."""
-    found = problem((4.0, 1.0), (16, 4), {"centre": (1.52, 1.051), "radius": 0.05})
+    found = under_shape(BALL, (4.0, 1.0), (16, 4))
     reason = (
         r"^rigid shape inside the body \(contact\[0\]: .*\): at time 0\.1\d*; there is a "
         r"solution at time 0\.09\d*\. A"

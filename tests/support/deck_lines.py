@@ -1,7 +1,20 @@
-"""Small input files of Abaqus and CalculiX, as lines."""
+"""Small input files of Abaqus and CalculiX, as lines, and their drafts."""
+
+import tomllib
+
+from signorini_fx.scenes import cli
 
 YOUNG, POISSON = 1000.0, 0.25
 STEEL = ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, {POISSON}"]
+
+
+def drafted(folder, lines, code=0):
+    """The scene of a deck, drafted with this exit code, and its data."""
+    deck, scene = folder / "deck.inp", folder / "draft.toml"
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    scene.unlink(missing_ok=True)
+    assert cli.main(["new", str(scene), "--from", str(deck)]) == code
+    return scene, tomllib.loads(scene.read_text(encoding="utf-8")) if scene.exists() else {}
 
 
 def squares(nx, ny, first=1, corner=(0.0, 0.0), size=(1.0, 1.0), name="BODY"):

@@ -8,6 +8,8 @@ from mpi4py import MPI
 from on_meshes import vector_space
 from scipy.optimize import brentq
 
+from signorini_fx import Foundation, NonlinearContactProblem
+
 YOUNG, POISSON = 100.0, 0.3
 MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON)
 PLATE = {"shape": "plane", "point": (0.0, 1.0), "normal": (0.0, -1.0)}
@@ -64,6 +66,28 @@ def polynomial(u):
 def residual(u, energy=neo_hooke):
     """The form F of an energy."""
     return ufl.derivative(energy(u) * ufl.dx, u, ufl.TestFunction(u.function_space))
+
+
+def under_shape(
+    shape,
+    corner=(1.0, 1.0),
+    cells=(2, 2),
+    *,
+    sides=None,
+    comm=MPI.COMM_SELF,
+    degree=1,
+    energy=neo_hooke,
+    friction=None,
+    make=NonlinearContactProblem,
+    **options,
+):
+    """A rectangle that is held at its bottom, and a shape at its top or other sides."""
+    space, side = rectangle(list(corner), list(cells), comm, degree=degree)
+    touching = np.unique(np.concatenate([side(*where) for where in sides or [(1, corner[1])]]))
+    u = fem.Function(space)
+    contact = Foundation(touching, shape=shape, friction=friction)
+    bcs = [held(space, side(1, 0.0))]
+    return make(residual(u, energy), u, bcs=bcs, contact=contact, **options)
 
 
 def stress_of_block(height, directions=1):
