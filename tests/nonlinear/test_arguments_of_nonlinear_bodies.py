@@ -20,9 +20,9 @@ def block(**arguments):
 
 def test_wrong_arguments_are_named():
     """One line for each, before anything is solved."""
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     z, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    other = ufl.TrialFunction(rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)[0])
+    other = ufl.TrialFunction(rectangle([1.0, 1.0], [2, 2])[0])
     for arguments, wrong in (
         ({"J": z[0] * ufl.dx}, "J: must have 2 arguments, not 1"),
         ({"J": "K"}, "J: must be a UFL form"),
@@ -105,7 +105,7 @@ def test_wrong_placements_are_named():
 @pytest.mark.mpi
 def test_update_that_raises_on_one_rank():
     """All ranks have the error of the one, and go on together."""
-    space, side = rectangle([1.0, 1.0], [2, 2])
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_WORLD)
     comm, u, raising = space.mesh.comm, fem.Function(space), True
 
     def update():

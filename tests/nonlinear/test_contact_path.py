@@ -6,7 +6,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scene_tables import circle_shape, plane_shape
-from support.nonlinear_bodies import held, rectangle, residual
+from support.nonlinear_bodies import rectangle, residual, under_shape
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 
@@ -15,15 +15,10 @@ from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 @pytest.mark.parametrize("friction", [None, 0.3])
 def test_pressed_and_released(algorithm, friction):
     """A body without stress is in equilibrium to round-off, however small its displacement."""
-    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
-    u = fem.Function(space)
-    circle = circle_shape((0.8, 1.5), 0.5)
-    contact = Foundation(
-        side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction)
-    )
-    problem = NonlinearContactProblem(
-        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm=algorithm
-    )
+    law = None if friction is None else Coulomb(friction)
+    options = {"friction": law, "algorithm": algorithm}
+    problem = under_shape(circle_shape((0.8, 1.5), 0.5), (2.0, 1.0), (8, 4), **options)
+    u = problem.u
     for depth in (0.1, -0.1, 0.0, -0.2, 0.15, -0.1):  # 0: it touches
         problem.run([1.0], lambda load, depth=depth: problem.place(0, shift=(0.0, -depth * load)))
         assert problem.certificate.holds

@@ -157,7 +157,7 @@ def test_what_is_refused():
     """
     with pytest.raises(SceneError, match="give the point where the force acts"):
         solve(rolled(CIRCLE | {"force": [0.0, -1.0]}, load_steps={}), MPI.COMM_SELF)
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     u = fem.Function(space)
     circle = CIRCLE | {"force": (0.0, -1.0), "prescribed": UPRIGHT, "pivot": (0.8, 1.5)}
     problem = NonlinearContactProblem(

@@ -62,7 +62,7 @@ def test_line_search():
     """Springs that soften like an arctangent, from far away: whole increments of Newton's method go
     ever farther.
     """
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     u = fem.Function(space)
     spring = MU * ufl.atan(20 * u[0]) * ufl.TestFunction(space)[0] * ufl.dx
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -1e-3)})
@@ -78,7 +78,7 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     """Increments of a method that converges linearly are small before the residual is: it goes on,
     or says that its iterations have ended.
     """
-    space, side = rectangle([1.0, 1.0], [1, 1], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [1, 1])
     u, (trial, test) = fem.Function(space), trial_and_test(space)
     F = residual(u) - 1e-2 * MU * test[1] * ufl.ds
     J = (
@@ -104,7 +104,7 @@ def test_a_bilateral_shape_in_tension(hollow):
     """It pulls the body, whose normals turn as under pressure; a node of two such shapes has both
     curvatures.
     """
-    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
+    space, side = rectangle([2.0, 1.0], [16, 8])
     u, radius = fem.Function(space), 4.0
     centre = (1.0, 1.0 + radius * (-1 if hollow else 1))
     roof = {"shape": "circle", "centre": centre, "radius": radius, "hollow": hollow}

@@ -96,7 +96,7 @@ def test_energy_minimised_by_a_library():
     for seed in range(4):
         chance = np.random.default_rng(seed)
         cells = [int(chance.integers(4, 8)), int(chance.integers(2, 5))]
-        space, side = rectangle([2.0, 1.0], cells, MPI.COMM_SELF, "triangle")
+        space, side = rectangle([2.0, 1.0], cells, cell="triangle")
         depth, across = chance.uniform(0.02, 0.25), chance.uniform(0.4, 1.6)
         lifted = np.array([0.0, depth])
         if chance.random() < 0.7:
@@ -136,7 +136,7 @@ def test_state_of_the_material():
     """A viscoelastic block, whose state is committed after each step, relaxes as the implicit Euler
     method says.
     """
-    space, side = rectangle([1.0, 1.0], [2, 2])
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_WORLD)
     u, viscous = (
         fem.Function(space),
         fem.Function(space),

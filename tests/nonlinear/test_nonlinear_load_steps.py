@@ -95,7 +95,7 @@ def test_cells_turned_inside_out():
     """An energy that is finite for every displacement lets a plate press a block through its
     ground.
     """
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     u = fem.Function(space)
     contact = Foundation(side(0, 1.0), shape=plane_shape((3.0, 0.0), (-1.0, 0.0)))
     bcs = [held(space, side(1, 0.0)), push := held(space, side(1, 1.0))]

@@ -139,7 +139,7 @@ def test_another_scene_is_refused(tmp_path):
     ) as refused:
         alone(stiffer, checkpoint=tmp_path, restart=True)
     assert "solve without restart" in str(refused.value)
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     u = fem.Function(space)
     problem = NonlinearContactProblem(residual(u), u, contact=Foundation(side(1, 0.0)))
     with pytest.raises(FormError, match="restart: needs the folder"):

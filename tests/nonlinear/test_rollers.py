@@ -118,7 +118,7 @@ def test_the_forces_of_a_way_give_the_way(law, tmp_path):
 
 def problem(shape, angle=0.0, unit=1.0, friction=0.5, **settings):
     """A clamped block under a tool, all turned about the origin."""
-    space, side = rectangle([2.0 * unit, unit], [8, 4], MPI.COMM_SELF)
+    space, side = rectangle([2.0 * unit, unit], [8, 4])
     top, bottom = side(1, unit), side(1, 0.0)
     mesh = space.mesh
     mesh.geometry.x[:, :2] = mesh.geometry.x[:, :2] @ turn_matrix(angle).T
@@ -178,7 +178,7 @@ def test_objectivity():
 
 def seesaw(**driven):
     """A lever with two smooth rollers on a block, pressed at a point between them."""
-    space, side = rectangle([2.0, 1.0], [16, 6], MPI.COMM_SELF)
+    space, side = rectangle([2.0, 1.0], [16, 6])
     mesh, u = space.mesh, fem.Function(space)
     top = side(1, 1.0)
     x = dmesh.compute_midpoints(mesh, 1, top)[:, 0]
@@ -256,7 +256,7 @@ def test_what_is_refused():
         SceneError, match=r"foundation\.rotation: forces turn this rigid body about another axis"
     ):
         check_scene(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     u = fem.Function(space)
     contact = Foundation(
         side(1, 1.0), shape=ROLLER | {"force": (0.0, -1.0)}, measure=lambda x: x[0]

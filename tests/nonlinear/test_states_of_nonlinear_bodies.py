@@ -201,7 +201,7 @@ def test_a_failed_step_changes_nothing():
 
 def stretched(**more):
     """A block below a circle, with a modulus of its cells that ``commit`` changes."""
-    space, side = rectangle([1.0, 1.0], [3, 3])
+    space, side = rectangle([1.0, 1.0], [3, 3], MPI.COMM_WORLD)
     u, v = fem.Function(space), ufl.TestFunction(space)
     cells = fem.functionspace(space.mesh, ("DG", 0))
     softer, now = fem.Function(cells), fem.Function(cells)

@@ -30,7 +30,7 @@ def column(**options):
     """A column under a plate, pressed by 3 %, beyond Euler's load of its clamped and smooth
     ends.
     """
-    space, side = rectangle([1.0, 8.0], [2, 16], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 8.0], [2, 16])
     u = fem.Function(space)
     shape = HIGH | {"shift": (0.0, -0.24)}
     contact = Foundation(side(1, 8.0), shape=shape, friction=options.pop("friction", None))
@@ -56,7 +56,7 @@ def test_no_verdict_without_a_derivative():
     """Stresses that ``update`` returns are not differentiated by UFL: without their tangent there
     is no verdict.
     """
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2])
     u, followed = fem.Function(space), fem.Function(space)
     form = ufl.replace(residual(u), {u: followed})
 
@@ -94,7 +94,7 @@ def test_a_column_on_top_of_a_circle(degree):
     """It would roll off: the curvature of the circle decides, which the tangent of the body does
     not have.
     """
-    space, side = rectangle([1.0, 2.0], [2, 4], MPI.COMM_SELF, degree=degree)
+    space, side = rectangle([1.0, 2.0], [2, 4], degree=degree)
     u, statuses = fem.Function(space), []
     for hollow, radius in (
         (False, 3.0),

@@ -178,7 +178,7 @@ def column(share):
     l^2).
     """
     length, height = 10.0, 1.0
-    space, side = rectangle([length, height], [40, 2], MPI.COMM_SELF, degree=2)
+    space, side = rectangle([length, height], [40, 2], degree=2)
     u, v, mesh = fem.Function(space), ufl.TestFunction(space), space.mesh
     gradient = ufl.Identity(2) + ufl.grad(u)
     volume = ufl.det(gradient)

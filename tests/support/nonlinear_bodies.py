@@ -19,7 +19,7 @@ class Killed(Exception):
     """The end of a run that is gone on with."""
 
 
-def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral", degree=1):
+def rectangle(corner, cells, comm=MPI.COMM_SELF, cell="quadrilateral", degree=1):
     """A mesh from the origin to a corner, its vector space, and its sides by the axis and the
     coordinate.
     """

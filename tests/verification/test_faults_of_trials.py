@@ -122,7 +122,7 @@ def test_pressing_while_all_turns(algorithm):
     """A circle presses a block, and both turn together: forces and displacements are those without
     the turn, turned, also where points close in a step that turns.
     """
-    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
+    space, side = rectangle([2.0, 1.0], [8, 4])
     top, bottom, x = side(1, 1.0), side(1, 0.0), space.tabulate_dof_coordinates()[:, :2]
     circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5, "pivot": (0.0, 0.0)}
     gamma = {"gamma_n": 1e5, "gamma_t": 1e5} if algorithm == "ssn" else {}
@@ -387,7 +387,7 @@ def test_a_cell_at_its_yield_strain():
     """A bar that is stretched by its weight is solved with its tangent where the strain of a cell
     is that of a kink of its law.
     """
-    space, side = rectangle([1.0, 1.0], [4, 1], MPI.COMM_SELF, cell="triangle")
+    space, side = rectangle([1.0, 1.0], [4, 1], cell="triangle")
     u, v, w = fem.Function(space), ufl.TestFunction(space), ufl.TrialFunction(space)
     yields = fem.Constant(space.mesh, 1.0)
 
