@@ -84,7 +84,7 @@ def by_forms(solution, torque, friction, algorithm):
     d = solution.model
     mesh, degree = d.tagged.mesh, d.statement.element.degree
     space = vector_space(mesh, degree, 3)
-    u, v, r = trial_and_test(space), ufl.SpatialCoordinate(mesh)[0]
+    (u, v), r = trial_and_test(space), ufl.SpatialCoordinate(mesh)[0]
 
     def strain(y):
         return ufl.sym(

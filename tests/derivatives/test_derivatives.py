@@ -189,7 +189,7 @@ def test_constants_of_forms(settings):
     young, friction, load, gap, moved = (
         fem.Constant(mesh, value) for value in (5000.0, 0.3, -20.0, 0.001, 0.002)
     )
-    y, z, x = trial_and_test(space), ufl.SpatialCoordinate(mesh)
+    (y, z), x = trial_and_test(space), ufl.SpatialCoordinate(mesh)
     top = np.sort(side(mesh, 1, 1.0))
     ds = ufl.Measure(
         "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
@@ -292,7 +292,7 @@ def test_after_advance():
     mesh = plain_box((2.0, 1.0), (8, 4), dmesh.CellType.quadrilateral)
     space = vector_space(mesh)
     friction, load, push = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0))
-    y, z, top = trial_and_test(space), np.sort(side(mesh, 1, 1.0))
+    (y, z), top = trial_and_test(space), np.sort(side(mesh, 1, 1.0))
     ds = ufl.Measure(
         "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
     )

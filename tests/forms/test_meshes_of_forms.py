@@ -57,7 +57,7 @@ def hertz(degree=1, friction=0.0, **settings):
 
     def make(disk):
         V = vector_space(disk.mesh, degree)
-        u, v, x = trial_and_test(V), ufl.SpatialCoordinate(disk.mesh)
+        (u, v), x = trial_and_test(V), ufl.SpatialCoordinate(disk.mesh)
         stress = stress_of(YOUNG, POISSON, 2)
         top, axis, arc = (disk.facets(name) for name in ("top", "symmetry", "arc"))
         ds = ufl.ds(

@@ -33,7 +33,7 @@ def as_forms(statement, tagged, **arguments):
     """
     mesh, (material,), gdim = tagged.mesh, statement.material, tagged.dimension
     V = vector_space(mesh, statement.element.degree)
-    u, v, x = trial_and_test(V), ufl.SpatialCoordinate(mesh)
+    (u, v), x = trial_and_test(V), ufl.SpatialCoordinate(mesh)
 
     def stress(y):
         sigma, lame = stress_of(y, material.young, material.poisson), 0.0

@@ -83,7 +83,7 @@ def draw(seed):
     kind = CELLS[d][rng.integers(len(CELLS[d]))]
     mesh = box(sizes, rng.integers(2, 7 if d == 2 else 4, d).tolist(), kind)
     V = vector_space(mesh, int(rng.integers(1, 3)) if d == 2 else 1)
-    u, v, x = trial_and_test(V), ufl.SpatialCoordinate(mesh)
+    (u, v), x = trial_and_test(V), ufl.SpatialCoordinate(mesh)
     count, unit = d * (d + 1) // 2, 10.0 ** rng.uniform(-3, 6)
     moduli = fem.Constant(mesh, unit * positive(rng, count))
     held = rng.random() < 0.5
