@@ -16,7 +16,7 @@ from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.given_forms import given_forms
-from signorini_fx.forms.solver import UNDERIVED, FormSolver, options_applied
+from signorini_fx.forms.solver import UNDERIVED, FormSolver, options_applied, solve_now
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
@@ -148,6 +148,7 @@ class ProblemOfForms:
             solution.table,
             squares,
             energy,
+            solution.statement.kinematics_in(solution.model.tagged.dimension),
             displaced=displaced,
             modulus=modulus,
         )
@@ -443,7 +444,8 @@ class ContactProblem(ProblemOfForms):
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
         """Return the motions of the rigid bodies in the last solution."""
-        return self.assembled.rigid_bodies
+        result = self.assembled.result
+        return () if result is None else result.rigid_bodies
 
     @property
     def stress(self) -> RawStresses:
@@ -499,7 +501,7 @@ class ContactProblem(ProblemOfForms):
             FormError: a value is not finite, or cannot be evaluated.
         """
         self._ran = None
-        why = self.assembled.attempt()
+        why = solve_now(self.assembled)
         self._share()
         if why:
             from signorini_fx.results.solution import ConvergenceError

@@ -37,7 +37,7 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, outer_facets
-from signorini_fx.mechanics.model import Loads, Model, stated
+from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -79,7 +79,8 @@ def elastic_body(
         boundary=boundary,
         settings=settings,
         kinematics=kinematics,
-        **stated(named[0]) | {"path": counted_path(0)},
+        contacts=named[0].contact,
+        path=counted_path(0),
         tagged=named[1],
         rigid=RigidBodies((), kinematics, 1.0),
         **more,

@@ -13,7 +13,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.forms.solver import FormSolver
+from signorini_fx.forms.solver import FormSolver, solve_now
 from signorini_fx.forms.steps import converged
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
@@ -95,7 +95,7 @@ class MeshedForms(meshed_problem.MeshedProblem):
         solver = self.solver
         solver.coarser = coarser
         solver.coarser_state = state
-        unsolved = solver.attempt()
+        unsolved = solve_now(solver)
         errors = [self.made.errors] if self.estimable and not unsolved else []
         solved = self.made.solution, self.tagged, solver.task, solver.outcome
         return meshed_problem.SolvedMesh(*solved, step_errors=errors)
@@ -229,8 +229,8 @@ def solve_to_accuracy(
     budget = to_accuracy.Budget.begins(accuracy, first.comm, first.history)
     meshes = to_accuracy.Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget)
-    asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
-    return converged(replace(solution, mechanics=replace(solution.mechanics, model=asked)))
+    asked = replace(solution.statement, accuracy=accuracy)
+    return converged(replace(solution, mechanics=replace(solution.mechanics, statement=asked)))
 
 
 def _first(

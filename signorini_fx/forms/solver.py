@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
     ShapeDistances,
 )
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -54,9 +54,11 @@ from signorini_fx.mechanics.step_effect import StepEffect, effects_of_contact
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.solving.frames import Posed, guess_of
-from signorini_fx.solving.step import Report, contact_equilibrium, step
+from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
+
+Clock = Callable[[float], object]  # changes a problem to what it is at a time
 
 LASTS = "a step with inertia has a duration: use step(state, time) or run, not solve"
 UNDERIVED = "derivatives of motions with inertia are not possible yet"
@@ -245,10 +247,7 @@ class FormSolver(BodyOfForms):
         super().__init__(forms, bcs, settings, petsc_options, effects, density=density)
         self.u = u
         self.timings = Timings()
-        self.status: Status | None = None
-        self.certificate: Certificate | None = None
         self.result: StepResult | None = None  # of a path, or of the user's own loop
-        self.rigid_bodies: tuple[RigidBodyMotion, ...] = ()
         self.outcome: Outcome | None = (
             None  # of the last solve, unless another problem has been assembled since
         )
@@ -269,6 +268,16 @@ class FormSolver(BodyOfForms):
         return self.elastic.scales
 
     @property
+    def status(self) -> Status | None:
+        """How the last step has ended; None: there is none."""
+        return None if self.result is None else self.result.status
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """The check of its result; None: there is none."""
+        return None if self.result is None else self.result.certificate
+
+    @property
     def set_up(self) -> bool:
         """Whether all is assembled."""
         return self._inputs_before is not None
@@ -279,40 +288,9 @@ class FormSolver(BodyOfForms):
             self.update()
         return self.boundary, self.space
 
-    waits = False  # see ``Problem``
-
-    @property
-    def path(self) -> LoadPath:
-        """The load steps of the user's own loop so far."""
-        return counted_path(self.begin.number)
-
-    def attempt(self) -> str:
-        """Solve with the values of now; why there is no solution, and what to do, "": there is one;
+    def pose_at(self, state: State, dt: float, path: LoadPath) -> Posed:
+        """Pose the step of a duration after a state, with what the problem is now, on a path;
         collective.
-        """
-        self.refuse_moving(LASTS)
-        self.timings = Timings()
-        guess = self.last
-        self.foundations.without_times()
-        with options_applied(*self.options):
-            if self.last is None and self.coarser_state is not None:
-                from signorini_fx.solving.meshed_problem import carry_over
-
-                self.update()
-                guess = guess_of(
-                    *carry_over(self.coarser_state, self.boundary), self.boundary, self.begin
-                )
-            self.show_step(*step(self, self.begin, float(self.begin.number), guess=guess))
-        status = self.status
-        if status is None or status is Status.CONVERGED:
-            return ""
-        reason = None if self.result is None else self.result.reason
-        advice = status.advice if reason is None else f"{reason.path}: {reason.message}"
-        return f"{status.value}: {advice}"
-
-    def pose_at(self, state: State, place: float, dt: float, path: LoadPath | None = None) -> Posed:
-        """Pose the step of a duration after a state, with what the problem is now and the names of
-        the body, on a path; None: that of the user's own loop; collective.
         """
         self.begin = state
         if any(effect.overrides("body") for effect in self.effects):
@@ -323,13 +301,8 @@ class FormSolver(BodyOfForms):
                 data = resting.data_from(data)
             placed = self.foundations.placed
             drift = self.foundations.moved(self.boundary, state.placed)
-            body = self.model(path or self.path)
+            body = self.model(path)
             return Posed(body, self.rigid, self.task, first_start(data, law), placed, drift)
-
-    equilibrium = contact_equilibrium
-
-    def accept(self, new: State, report: Report) -> None:
-        """The next step goes on from values of then."""
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
@@ -341,11 +314,7 @@ class FormSolver(BodyOfForms):
         """Make the end of a step the one that the user sees; collective."""
         self.outcome = report.outcome
         self.begun = report.start
-        result = report.result
-        self.result = result
-        self.rigid_bodies = result.rigid_bodies
-        self.status = result.status
-        self.certificate = result.certificate
+        result = self.result = report.result
         points = self.task.contact(report.outcome, self.begun)
         self.show(result.contact or ContactState.of(points, self.boundary))
         result.displacement.name = self.u.name
@@ -438,8 +407,8 @@ class FormSolver(BodyOfForms):
         self.elastic = with_modulus(self.elastic, boundary, self._natural, self.foundations.facets)
         case = self._case(values)
         data = self._point_data(shapes)
-        self.task = task_of(
-            self.elastic, case, data, self.contact, self.history, coarser=self.coarser
+        self.task = self.elastic.task(
+            [case], np.ones(1), *data, coarser=self.coarser, history=self.history
         )
         return data
 
@@ -494,7 +463,8 @@ class FormSolver(BodyOfForms):
 
     def mechanics(self, model: Model) -> FormMechanics:
         """What the forms say of a model, with their values of now."""
-        return FormMechanics(model, self.forms, self.prescribed, self.foundations.placed_shapes)
+        of_forms = self.forms, self.prescribed, self.foundations.placed_shapes
+        return FormMechanics(model, self.named[0], *of_forms)
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
         """The problem of now as derivatives take it; ``solved``: one of the same body with the
@@ -502,6 +472,73 @@ class FormSolver(BodyOfForms):
         """
         now = self.contact_now(solved or self)
         return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *now
+
+
+@dataclass(frozen=True)
+class FormsInTime:
+    """A ``ContactProblem`` on a path; its solver is always at the last attempt."""
+
+    solver: FormSolver
+    path: LoadPath
+    clock: Clock = lambda time: None
+    waits: bool = False  # whether it is one of several load steps
+
+    @property
+    def history(self) -> History:
+        """Return the history of all solves so far."""
+        return self.solver.history
+
+    @property
+    def timings(self) -> Timings:
+        """Return the times of this path."""
+        return self.solver.timings
+
+    @property
+    def effects(self) -> Sequence[StepEffect]:
+        """Return the effects of the problem."""
+        return self.solver.effects
+
+    def pose_at(self, state: State, place: float, dt: float) -> Posed:
+        """The forms as they are at the time of a place; collective."""
+        self.clock(self.path.time_at(place))
+        return self.solver.pose_at(state, dt, self.path)
+
+    def mechanics(self, model: Model) -> Mechanics:
+        """What the forms say of a model of theirs."""
+        return self.solver.mechanics(model)
+
+    equilibrium = contact_equilibrium
+    recall = recalled_equilibrium
+
+    def accept(self, new: State, report: Report) -> None:
+        """What the clock changes is the user's."""
+
+
+def solve_now(solver: FormSolver) -> str:
+    """Solve with the values of now; why there is no solution, and what to do, "": there is one;
+    collective.
+    """
+    solver.refuse_moving(LASTS)
+    solver.timings = Timings()
+    guess = solver.last
+    number = solver.begin.number
+    solver.foundations.without_times()
+    problem = FormsInTime(solver, counted_path(number))
+    with options_applied(*solver.options):
+        if guess is None and solver.coarser_state is not None:
+            from signorini_fx.solving.meshed_problem import carry_over
+
+            solver.update()
+            sets, multipliers = carry_over(solver.coarser_state, solver.boundary)
+            guess = guess_of(sets, multipliers, solver.boundary, solver.begin)
+        new, report = step(problem, solver.begin, float(number), guess=guess)
+        solver.show_step(new, report)
+    status = report.status
+    if status is Status.CONVERGED:
+        return ""
+    reason = report.result.reason
+    advice = status.advice if reason is None else f"{reason.path}: {reason.message}"
+    return f"{status.value}: {advice}"
 
 
 def first_start(data: RegularisedData, law: PointFriction | None) -> Start:
@@ -533,28 +570,6 @@ def case_of(
         if parallel.any_rank(elastic.comm, not np.isfinite(entries).all()):
             raise FormError.at(name, "is not finite somewhere")
     return elastic.case(forces, values, driven, lifted=lifted)
-
-
-def task_of(
-    elastic: Model,
-    case: LoadCase,
-    problem: tuple[RegularisedData, PointFriction | None],
-    contact: Sequence[Foundation | Pair],
-    history: History,
-    coarser: MeshLevel | None = None,
-) -> Task:
-    """The contact problem of a body of forms with one right-hand side; collective."""
-    laws = [entry.friction for entry in contact]
-    return elastic.task(
-        [case],
-        np.ones(1),
-        *problem,
-        coarser=coarser,
-        natural_gamma=elastic.scales.gamma,
-        coordinate_error=elastic.scales.coordinate_error,
-        history=history,
-        has_coulomb=any(law is not None and law.follows_pressure for law in laws),
-    )
 
 
 @contextmanager

@@ -2,77 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.solver import FormSolver, options_applied
+from signorini_fx.forms.solver import Clock, FormsInTime, FormSolver, options_applied
 from signorini_fx.machine.result_files import folder_path
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.mechanics.step_effect import StepEffect
-from signorini_fx.records import History, Status, Timings
-from signorini_fx.results.mechanics import Mechanics, StepResult
+from signorini_fx.records import Status, Timings
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
-from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
+from signorini_fx.solving.step import Report, step
 
-Clock = Callable[[float], object]  # changes a problem to what it is at a time
 Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
-
-
-@dataclass(frozen=True)
-class FormsInTime:
-    """A ``ContactProblem`` on a path; its solver is always at the last attempt."""
-
-    solver: FormSolver
-    path: LoadPath
-    clock: Clock
-
-    @property
-    def history(self) -> History:
-        """Return the history of all solves so far."""
-        return self.solver.history
-
-    @property
-    def timings(self) -> Timings:
-        """Return the times of this path."""
-        return self.solver.timings
-
-    @property
-    def effects(self) -> Sequence[StepEffect]:
-        """Return the effects of the problem."""
-        return self.solver.effects
-
-    @property
-    def waits(self) -> bool:
-        """Whether it is one of several load steps."""
-        return self.path.several
-
-    def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """The forms as they are at the time of a place; collective."""
-        self.clock(self.path.time_at(place))
-        return self.solver.pose_at(state, place, dt, self.path)
-
-    def mechanics(self, model: Model) -> Mechanics:
-        """What the forms say of a model of theirs."""
-        return self.solver.mechanics(model)
-
-    equilibrium = contact_equilibrium
-    recall = recalled_equilibrium
-
-    def accept(self, new: State, report: Report) -> None:
-        """What the clock changes is the user's."""
 
 
 def solve_path(
@@ -85,7 +37,7 @@ def solve_path(
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
     solver.timings = Timings()
     reports = list[Report]()
-    problem = FormsInTime(solver, path, clock)
+    problem = FormsInTime(solver, path, clock, path.several)
     way = Increments(path, solver.settings)
     with options_applied(*solver.options):
         for new, report in run(problem, solver.begin, way, guess=solver.last, stored=stored):
@@ -99,7 +51,7 @@ def solve_path(
 def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:
     """The step from a state to a time with the values of now, which is shown; collective."""
     check_step(state, time, solver.space)
-    problem = FormsInTime(solver, LoadPath((time,)), lambda time: None)
+    problem = FormsInTime(solver, LoadPath((time,)))
     solver.timings = Timings()
     with options_applied(*solver.options):
         new, report = step(problem, state, 0.0)

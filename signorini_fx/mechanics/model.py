@@ -7,9 +7,9 @@ The forms of a scene and those of a user take this one way into the core.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 import numpy as np
@@ -64,6 +64,7 @@ from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 if TYPE_CHECKING:
     from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+    from signorini_fx.mechanics.effects.displacement import Displacement
     from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
     from signorini_fx.mechanics.loads.supports import Conditions
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -128,17 +129,20 @@ class Model:
     # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of
     # them may.
     far: tuple[Flags, fem.Function] | None = None
-    statement: Statement  # names; of forms of a user's own less than all that acts
     tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
     path: LoadPath  # the load steps
     contacts: tuple[Any, ...]  # the entry of each contact, as it is now
+    # One for the body, or one for each named region; none: a user's forms have it.
+    materials: tuple[Any, ...] = ()
     title: str = ""  # any text
+    forces_at: str = "L"  # the keys of its forces, for messages
     modulus: float = 0.0  # the natural unit of stress; 0: it is not known yet
     law: PointFriction | None = None  # of friction; None where no law can act
     # Both sides of each contact of two bodies, by its place in ``contacts``.
     pairs: Mapping[int, PairedSides] = field(default_factory=dict)
     rigid: RigidBodies  # those whose motion is an unknown
     supports: Conditions = field(default_factory=list)  # one component each: ``bcs``
+    held: tuple[Displacement, ...] = ()  # the entries of the supports that hold now
     applied: tuple[AppliedLoad, ...] = ()  # the loads, by their load factors
     # At the contact points, without shifts; None without contact.
     data: RegularisedData | None = None
@@ -168,6 +172,23 @@ class Model:
     def dimension(self) -> int:
         """D, of space."""
         return int(self.space.mesh.geometry.dim)
+
+    @property
+    def statement(self) -> Statement:
+        """Return all entries of a scene; a user's forms have none."""
+        assert self.coefficients is not None
+        return self.coefficients.statement
+
+    def with_statement(self, statement: Statement) -> Self:
+        """Return the body of a scene with another statement; what is assembled of it stays."""
+        assert self.coefficients is not None
+        return replace(self, coefficients=replace(self.coefficients, statement=statement))
+
+    def tightens(self, step: float) -> bool:
+        """Return whether forces tighten sections at a place in the lists of factors, whose
+        shortenings are unknowns there.
+        """
+        return any(load.entry is not None and load.entry.tightens(step) for load in self.applied)
 
     @property
     def has_coulomb(self) -> bool:
@@ -522,6 +543,9 @@ class Model:
             law,
             bilateral=None if data is None else data.bilateral,
             settings=Settings.of(self.settings),
+            natural_gamma=self.scales.gamma,
+            coordinate_error=self.scales.coordinate_error,
+            has_coulomb=self.has_coulomb,
             linear_algebra=reason,
             goal=goal,
             **options,
@@ -632,11 +656,11 @@ class Model:
         """The factors of the applied loads at a place in the lists of factors, see
         ``statement.load_path``.
         """
-        return np.array([load.factor(step) for load in self.applied])
+        return np.array([load.factor(self.statement, step) for load in self.applied])
 
     def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
         """The applied loads at a place with their factors; collective."""
-        return [(load.factor(step), load.at(step)) for load in self.applied]
+        return [(load.factor(self.statement, step), load.at(step)) for load in self.applied]
 
     def first_sets(self) -> tuple[ActiveSets, int]:
         """The sets of the first linear solve and its number, section 7: 0 if it only computes the
@@ -673,16 +697,6 @@ class Model:
             forces += factor * load.forces
             prescribed += factor * load.prescribed.x.array
         return Loads(forces, prescribed)
-
-
-def stated(statement: Statement) -> dict[str, Any]:
-    """Return the fields of a model that are entries of a statement."""
-    return {
-        "statement": statement,
-        "contacts": statement.contact,
-        "title": statement.title,
-        "path": statement.path,
-    }
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:

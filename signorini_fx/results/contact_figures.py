@@ -21,18 +21,21 @@ from signorini_fx.arrays import Array, Flags, quotient, rmatvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import jumps_in
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.summary import ContactFigures, CornerFigures, SectionForce
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 
-def contact_figures(model: Model, contact: ContactState) -> list[ContactFigures]:
+def contact_figures(
+    model: Model, kinematics: Kinematics, contact: ContactState
+) -> list[ContactFigures]:
     """The figures of each contact boundary, in the order of the scene; collective."""
     boundary = contact.boundary
     comm = contact.boundary.comm
     figures = []
-    uniform = model.statement.kinematics.uniform and boundary.kinematics.uniform
+    uniform = kinematics.uniform and boundary.kinematics.uniform
     for part, effect in enumerate(model.contacts):
         moment, moment_limit = _moment_about_middle(contact, part) if uniform else (None, None)
         on_part = boundary.part == part
@@ -233,7 +236,7 @@ def section_forces(model: Model, displacement: fem.Function, step: float) -> lis
     """
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-    if not model.statement.preloads:
+    if all(load.entry is None for load in model.applied):
         return []
     nodal = NodalForces.on(model)
     return [

@@ -69,6 +69,6 @@ def limit_of_ramp(model: Model, time: float, place: float, loads: str, reason: s
     """Return the limit of a ramp that has come to a place and a time on its path; ``loads``: what
     it bears there, in words; ``reason``: see ``ended_by``; collective.
     """
-    held, full = (float(np.linalg.norm(force)) for force in growing_force(model, place))
-    force = {"force": held, "full_force": full} if full > 0.0 else {}
+    held, full = map(np.linalg.norm, growing_force(model, place)) if loads else (0.0, 0.0)
+    force = {"force": float(held), "full_force": float(full)} if full > 0.0 else {}
     return LimitOfRamp(time=time, loads=loads, reason=reason, **force)

@@ -17,6 +17,7 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
@@ -47,6 +48,7 @@ class Mechanics(ABC):
     no_bounds: ClassVar[str] = ""  # why there are no guaranteed bounds; "": there may be
 
     model: Model
+    statement: Statement  # names; of forms of a user's own less than all that acts
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         """The contact points at a displacement, and what holds there; None: there is no contact;
@@ -139,13 +141,13 @@ class StatedMechanics(Mechanics):
     """The mechanics of a model that the entries of its statement say all of."""
 
     def drives(self, step: float) -> list[Drive]:
-        return self.model.statement.drives(self.model.tagged.dimension, step)
+        return self.statement.drives(self.model.tagged.dimension, step)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 
         model = self.model
-        now = model.contacts if step is None else model.statement.placed(step).contact
+        now = model.contacts if step is None else self.statement.contacts_at(step)
         return hard_foundations(now, model.kinematics)
 
     def loads_at(self, step: float) -> Loads:

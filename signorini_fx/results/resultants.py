@@ -21,6 +21,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance
@@ -121,6 +122,7 @@ class Resultants:
     """
 
     model: Model
+    statement: Statement
     displacement: fem.Function
     contact: ContactState | None
     conditions: ContactConditions | None
@@ -182,7 +184,7 @@ class Resultants:
         """The points with supports, by their names."""
         return {
             effect.place: effect.at
-            for effect in self.model.statement.displacement
+            for effect in self.statement.displacement
             if effect.at is not None
         }
 
@@ -312,7 +314,7 @@ class Resultants:
     @property
     def _kinematics(self) -> Kinematics:
         """Return the kinematics of the body, by which some moments cancel."""
-        return self.model.statement.kinematics_in(self.model.tagged.dimension)
+        return self.statement.kinematics_in(self.model.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
         """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point

@@ -199,7 +199,7 @@ def _material(body: Model, cell: int) -> tuple[Any, ...]:
     expands.
     """
     strained = bool(body.statement.of(InitialStrain))
-    materials = body.statement.material
+    materials = body.materials
     inside = (
         one
         for one in reversed(materials)
@@ -219,14 +219,12 @@ def _condition(
     body: Model, facet: int, normal: Array, corners: Array
 ) -> tuple[str, tuple[str, ...], str]:
     """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
-    statement = body.statement
     tagged = body.tagged
     dim = body.tagged.dimension
-    holding = [effect for effect in statement.displacement if effect.where and effect.holding]
-    supports = [effect for effect in holding if facet in tagged.facets(effect.where)]
+    supports = [one for one in body.held if one.where and facet in tagged.facets(one.where)]
     contacts = [
         (effect, name)
-        for effect in statement.contact
+        for effect in body.contacts
         for name in (effect.boundary, effect.against)
         if name is not None and facet in tagged.facets(name)
     ]

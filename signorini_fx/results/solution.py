@@ -165,7 +165,7 @@ class Solution:
     @property
     def statement(self) -> Statement:
         """Return the entries of the solved problem by their names."""
-        return self.model.statement
+        return self.mechanics.statement
 
     @property
     def converged(self) -> bool:
@@ -191,7 +191,7 @@ class Solution:
         failed = self.steps[-1]
         if self.status is Status.CORNER and failed.reason is not None:
             return failed.reason.message
-        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
+        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.model.forces_at)
         ended_between = self.model.path.steps is not None and last is not failed
         held = factors_held(self.statement, last.place, failed.place)
         reached = f"there is a solution at time {last.time:.6g}{held}, and none"
@@ -393,7 +393,7 @@ class Solution:
         y = self.displacement
         acting = (self.last_step.acting or partial(self.mechanics.acting, y, self._position))()
         conditions = self.mechanics.conditions(y)
-        return Resultants(self.model, y, self.contact, conditions, acting)
+        return Resultants(self.model, self.statement, y, self.contact, conditions, acting)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
@@ -429,7 +429,9 @@ class Solution:
         """Area and forces of each contact boundary, in the order of the scene; none without
         contact; collective.
         """
-        return [] if self.contact is None else contact_figures(self.model, self.contact)
+        if self.contact is None:
+            return []
+        return contact_figures(self.model, self.statement.kinematics, self.contact)
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:

@@ -305,7 +305,7 @@ class RawStresses(StressFields):
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
         if (
-            self.strain_energy is None or not self.mechanics.model.statement.material
+            self.strain_energy is None or not self.mechanics.model.materials
         ):  # that of forms may have springs in it
             return float(self.mechanics.recovery.energy(self.stress.displacement))
         return self.strain_energy
@@ -406,7 +406,7 @@ class RawStresses(StressFields):
         collective.
         """
         model = self.mechanics.model
-        if not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
+        if not self.recovers or all(math.isinf(_limit(one)) for one in model.materials):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
             return {"value": math.nan, "place": []}
@@ -427,10 +427,10 @@ class RawStresses(StressFields):
         """
         told = {"value": extreme.value, "place": [*extreme.place]}
         model = self.mechanics.model
-        regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
+        regions = [*self.mechanics.statement.bodies] or [entry.region for entry in model.materials]
         if len(regions) > 1:
             told["region"] = part_of(model, extreme.cell, regions)
-        if finite and self.recovers and model.statement.material:
+        if finite and self.recovers and model.materials:
             told["no_limit"] = why_no_limit(model, extreme.place)
         return told
 

@@ -20,7 +20,7 @@ from signorini_fx.machine.terminal import COLUMNS, printable
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.mesh.tagged import arrays_of
-from signorini_fx.mechanics.model import Model, stated
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.expected_cost import Cost, estimated_cost
@@ -74,7 +74,7 @@ def check_scene(
         model = linear_body(scene, comm, Timings())
         compared = False
         ProblemOfScene.of(scene.statement, model, History())
-        model = replace(model, **stated(scene.statement))
+        model = replace(model.with_statement(scene.statement), contacts=scene.contact)
         findings = [*nonlinear_findings(model.statement, model)]
     else:
         coarser = coarser_scenes(scene, scene.solver.levels)

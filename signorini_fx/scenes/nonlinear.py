@@ -27,7 +27,7 @@ from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at,
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
-from signorini_fx.mechanics.model import Model, stated
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import ForceDensity
@@ -144,7 +144,7 @@ class ProblemOfScene(NonlinearContactProblem):
         drives = _drives_at(
             statement, tagged.dimension, statement.steps - 1
         )  # of which some may not be possible
-        begins = foundations_of(statement.placed(0).contact, statement.kinematics, on, masters)
+        begins = foundations_of(statement.contacts_at(0), statement.kinematics, on, masters)
         contact = [
             replace(entry, shape=drives[k]) if k in drives else entry
             for k, entry in enumerate(begins)
@@ -188,7 +188,7 @@ class ProblemOfScene(NonlinearContactProblem):
         problem.linear.bodies = model.pieces.bodies
         problem.linear.history = history
         problem.linear.model_of_scene = model
-        parts = [tagged.cells(material.region) for material in model.statement.material]
+        parts = [tagged.cells(material.region) for material in model.materials]
         problem.linear.forms = replace(problem.linear.forms, parts=parts)
         problem._solver.remembers = body if body.points else None
         problem._solver.extrapolates = any(one.flows for one in statement.material)
@@ -239,24 +239,30 @@ class ProblemOfScene(NonlinearContactProblem):
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self._titled("")
         said: Any = solution.mechanics
+        statement = self.statement
         model = replace(
             solution.model,
-            **stated(self.statement),
-            modulus=self.statement.young,
+            title=statement.title,
+            path=statement.path,
+            contacts=statement.contact,
+            materials=statement.material,
+            coefficients=self.model.with_statement(statement).coefficients,
+            held=self.model.held,
+            modulus=statement.young,
             tagged=self.model.tagged,
         )
-        forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)
-        known = nonlinear_findings(self.statement, self.model)
+        forces = NonlinearForces(statement, model.tagged, model.space)
+        known = nonlinear_findings(statement, self.model)
         of_result = list[Finding]()
         if not failures:
             of_result += facets_in_result(self.model, solution.contact)
             of_result += untouched(self.model.comm, solution.steps)
         shown = solution.shown_steps
-        of_result += errors_of_steps(self.model.comm, self.statement, self.path, shown)
+        of_result += errors_of_steps(model.comm, statement, self.path, shown)
         findings = (*failures, *known, *self.findings, *of_result)
         named = tuple(map(self._named, solution.steps))
         mechanics = SceneMechanics(
-            model, said.ends, said.boundaries, said.errors_now, forces=forces
+            model, statement, said.ends, said.boundaries, said.errors_now, forces=forces
         )
         return replace(
             solution,
@@ -290,7 +296,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self._solver.residual.loads = forces
         self.body.move_to(path_step)
         self._held.x.array[:] = values
-        self._move(self.statement.placed(path_step))
+        self._move(self.statement.contacts_at(path_step))
         for number, shape in _drives_at(
             self.statement, self.model.tagged.dimension, path_step
         ).items():
@@ -346,11 +352,9 @@ class ProblemOfScene(NonlinearContactProblem):
         ]
         return np.concatenate([super()._loaded(), *map(self.model.tagged.facets, named)])
 
-    def _move(self, statement: Statement) -> None:
-        """Put the foundations where they are in a statement, and take its gaps and friction."""
-        for number, (entry, given) in enumerate(
-            zip(statement.contact, self.statement.contact, strict=True)
-        ):
+    def _move(self, contacts: Sequence[Any]) -> None:
+        """Put the foundations where contacts have them, and take their gaps and friction."""
+        for number, (entry, given) in enumerate(zip(contacts, self.statement.contact, strict=True)):
             if given.gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
                 self.linear.foundations.change(number, gap=gap)
@@ -393,7 +397,7 @@ class SceneMechanics(NonlinearMechanics):
         points.
         """
         anew = self.forces
-        displaced = self.model.statement.finite_strains
+        displaced = self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
         return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
 

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -20,13 +18,11 @@ from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.effects.loads import Preload
-from signorini_fx.mechanics.model import Model, stated
+from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.solving.frames import Posed
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, ROOT_OF_EPS, SHORTENED_AT_MOST
-
-B = TypeVar("B", bound=Model)
 
 # Contact problems for one load step.
 _MOST_PROBLEMS = 30
@@ -44,7 +40,7 @@ def solve_tightened(
     place = start.place
     newton = task.newton
     loads = _tightened(model, place)
-    of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
+    of_all = [k for k, load in enumerate(model.applied) if load.entry is not None]
     numbers = [of_all.index(k) for k in loads]
     wanted = np.array(
         [entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64
@@ -108,13 +104,10 @@ def solve_tightened(
 
 def _tightened(model: Model, step: float) -> dict[int, Preload]:
     """The loads that are sections which forces tighten at a place, by their numbers."""
-    entries = {
-        k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)
-    }
     return {
-        k: entry
-        for k, entry in entries.items()
-        if entry.force_at(model.statement, step) is not None
+        k: load.entry
+        for k, load in enumerate(model.applied)
+        if load.entry is not None and load.entry.tightens(step)
     }
 
 
@@ -122,29 +115,27 @@ def shortenings(model: Model, step: float) -> list[float]:
     """Return the shortenings that forces have led to at a place, in the order of ``_tightened``,
     length.
     """
-    return [model.applied[k].factor(step) for k in _tightened(model, step)]
+    entries = _tightened(model, step).values()
+    return [entry.shortening_at(model.statement, step) for entry in entries]
 
 
-def with_shortenings(model: B, step: float, lengths: Sequence[float] | Array) -> B:
+def with_shortenings(model: Model, step: float, lengths: Sequence[float] | Array) -> Model:
     """Return the model with shortenings that were found at a place; nothing is assembled again."""
-    shortened = zip(_tightened(model, step).values(), lengths, strict=True)
-    return _with(model, {id(entry): entry.tightened(step, float(s)) for entry, s in shortened})
+    found = dict(model.statement.found)
+    for entry, length in zip(_tightened(model, step).values(), lengths, strict=True):
+        found[id(entry)] = {**found.get(id(entry), {}), step: float(length)}
+    return model.with_statement(replace(model.statement, found=found))
 
 
 def tightened(posed: Posed, start: Start, found: Array) -> tuple[Posed, Start]:
     """A load step with the shortenings that its forces have led to, as ``found_in`` gives them."""
     body = posed.body
     place = start.place
-    assert isinstance(body, Model)
     lengths = zip(_by_force(body), found, strict=False)
-    tight = {
-        id(at): at.tightened(place, float(s))
-        for at, s in lengths
-        if at.force_at(body.statement, place) is not None
-    }
+    tight = [length for entry, length in lengths if entry.tightens(place)]
     if not tight:
         return posed, start
-    body = _with(body, tight)
+    body = with_shortenings(body, place, tight)
     return replace(posed, body=body), replace(start, factors=body.factors(place))
 
 
@@ -152,40 +143,21 @@ def found_in(model: Model, step: float) -> Array:
     """Return by how much forces have shortened each of their sections up to a place, length; nan:
     by nothing.
     """
-    return np.array([entry.found_at(step) for entry in _by_force(model)])
+    return np.array([entry.found_at(model.statement, step) for entry in _by_force(model)])
 
 
-def with_found(model: B, step: float, found: Array) -> B:
-    """Return the model whose forces have led to these shortenings before a step; itself if it has
-    them.
-    """
-    entries = _by_force(model)
-    if not found.size:
-        found = np.full(len(entries), np.nan)
-    begun = (
-        (entry, entry.found_before(step, float(length)))
-        for entry, length in zip(entries, found, strict=True)
-    )
-    changed = {id(entry): again for entry, again in begun if again is not entry}
-    return _with(model, changed) if changed else model
+def with_found(model: Model, step: float, lengths: Array) -> Model:
+    """Return the model whose forces have led to these shortenings before a step, nan: to none."""
+    found = dict[int, Mapping[float, float]]()
+    for entry, length in zip(_by_force(model), lengths, strict=False):
+        known = model.statement.found.get(id(entry), {})
+        earlier = {place: shortening for place, shortening in known.items() if place < step}
+        if not np.isnan(length):
+            earlier[max(earlier, default=-1.0)] = float(length)
+        found[id(entry)] = earlier
+    return model.with_statement(replace(model.statement, found=found))
 
 
 def _by_force(model: Model) -> list[Preload]:
-    entries = [load.entry for load in model.applied if isinstance(load.entry, Preload)]
+    entries = (load.entry for load in model.applied if load.entry is not None)
     return [entry for entry in entries if entry.force is not None]
-
-
-def _with(model: B, tight: Mapping[int, Preload]) -> B:
-    """Return the model with other entries in place of these, by their identity."""
-    changed = {
-        key: tuple(tight.get(id(entry), entry) for entry in entries)
-        for key, entries in model.statement.effects.items()
-        if any(id(entry) in tight for entry in entries)
-    }
-    statement = model.statement.changed(**changed)
-    applied = list(model.applied)
-    for k, load in enumerate(applied):
-        if isinstance(load.entry, Preload):
-            entry = tight.get(id(load.entry), load.entry)
-            applied[k] = replace(load, entry=entry, factor=partial(entry.shortening_at, statement))
-    return replace(model, **stated(statement), applied=tuple(applied))

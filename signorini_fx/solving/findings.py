@@ -135,7 +135,7 @@ def _locking(body: Model, *, reduced: bool) -> Iterator[Finding]:
     simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     other = "quadrilaterals or hexahedra, or degree 2, with "
     cure = f"use {other if simplices else ''}element.volumetric = 'auto'"
-    for index, material in enumerate(body.statement.material):
+    for index, material in enumerate(body.materials):
         if material.locks and not reduced:
             message = f"the nearly incompressible material makes these cells too stiff: {cure}"
             yield Finding("warning", f"material[{index}]", message)
@@ -218,7 +218,7 @@ def _inwards(body: Model) -> Iterator[Finding]:
     """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
-    for index, effect in enumerate(body.statement.placed(0).contact):
+    for index, effect in enumerate(body.statement.contacts_at(0)):
         if effect.direction is None and effect.surface is None:
             continue
         facets = body.tagged.facets(effect.boundary)
@@ -287,12 +287,12 @@ def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
     """Loads that are too large for linear elasticity, or hardly felt: two units are usually
     inconsistent.
     """
-    path = f"material, {body.statement.forces_at}, displacement"
+    path = f"material, {body.forces_at}, displacement"
     low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))
     section = body.scales.depth * float(
         np.prod(np.sort(high - low)[::-1][: body.tagged.mesh.topology.dim - 1])
     )
-    moduli = [material.natural_modulus for material in body.statement.material]
+    moduli = [material.natural_modulus for material in body.materials]
     least, most = (
         max(prescribed / body.tagged.size, force / modulus / section)
         for modulus in (max(moduli), min(moduli))
@@ -459,7 +459,6 @@ def _equilibrium_of(
     motions.
     """
     motions = body.motions
-    statement = body.statement
     free = motions.of_all[:, motions.assembly == number]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
@@ -497,7 +496,7 @@ def _equilibrium_of(
         message = f"{when}{status.value}: the loads move {subject} by {names}; {status.advice}"
         if body.law is not None and body.law.unknown:
             message += f"; {body.law.unknown}, which was tried at samples of the pressure"
-        return Finding("warning", statement.forces_at, message)
+        return Finding("warning", body.forces_at, message)
     names = names_of(free, motions, members)
     message = f"only contact holds {subject} against {names}: the supports do not"
     return Finding("note", "displacement", message)
@@ -685,8 +684,11 @@ def errors_of_steps(
     for number, effect in enumerate(statement.contact):
         if effect.foundation is None or not effect.friction.acts:
             continue
-        turned = {step.step: _turned(statement, number, step) for step in steps}
-        last = _turned(statement.placed(-1), number, None)
+        turned = {
+            step.step: _turned(statement.contacts_at(step.place)[number], number, step)
+            for step in steps
+        }
+        last = _turned(statement.contacts_at(-1)[number], number, None)
         angles = dict[int, float]()
         for count, angle in turned.items():
             angles[count] = float(np.linalg.norm(angle - last))
@@ -700,10 +702,9 @@ def errors_of_steps(
             yield Finding("note", f"contact[{number}].foundation", message)
 
 
-def _turned(statement: Statement, number: int, step: StepResult | None) -> Array:
+def _turned(contact: Any, number: int, step: StepResult | None) -> Array:
     """The rotation of a foundation at the end of a load step, radians, shape (1,) or (3,)."""
-    placed = statement if step is None else statement.placed(step.place)
-    angle = np.atleast_1d(np.radians(placed.contact[number].foundation.angles()))
+    angle = np.atleast_1d(np.radians(contact.foundation.angles()))
     motions = () if step is None else step.rigid_bodies
     driven = [one.rotation for one in motions if number in one.body.parts]
     return angle + (driven[0] if driven else 0.0)
@@ -766,7 +767,7 @@ def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str
         f"{when}nothing presses on {_named(body, loose)}, so that its position is not unique: "
         "press it on, or prescribe a displacement"
     )
-    return Finding("warning", body.statement.forces_at, message)
+    return Finding("warning", body.forces_at, message)
 
 
 def _hardly_held(body: Model, task: Task, when: str) -> Finding:

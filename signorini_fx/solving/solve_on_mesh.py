@@ -20,7 +20,7 @@ from signorini_fx.mechanics.body.discretisation import moved_since, placed, plac
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model, stated
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -257,14 +257,14 @@ def findings_of_steps(
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
         *pushed_nodes([step.contact for step in steps], model.tagged.size),
-        *loose_at_rest(model, steps, model.statement.forces_at),
+        *loose_at_rest(model, steps, model.forces_at),
         *shapes_in_results(mechanics.shapes(_shown(steps).place), _shown(steps).displacement),
         *slid_at_corners(_shown(steps).contact),
         *further,
         *_shown(steps).told,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),
-        *errors_of_steps(model.comm, model.statement, model.path, steps),
+        *errors_of_steps(model.comm, mechanics.statement, model.path, steps),
     ]
 
 
@@ -291,9 +291,6 @@ def contact_task(
         coarser=coarser,
         allowed=_allowed(model),
         choose=choose,
-        natural_gamma=model.scales.gamma,
-        coordinate_error=model.scales.coordinate_error,
-        has_coulomb=model.has_coulomb,
         history=history,
     )
     start = replace(task.start, factors=factors)
@@ -371,7 +368,7 @@ class StatedProblem:
     def mechanics(self, model: Model) -> Mechanics:
         """What the statement says of a body of a step, kept for the next one of the same body."""
         if self._mechanics is None or self._mechanics.model is not model:
-            self._mechanics = StatedMechanics(model)
+            self._mechanics = StatedMechanics(model, model.statement)
         return self._mechanics
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
@@ -381,7 +378,7 @@ class StatedProblem:
     def initial(self) -> State:
         """The body before the first load step, without loads; collective."""
         model = self.model
-        begun = placements(model.statement.placed(-1).contact)
+        begun = placements(model.statement.contacts_at(-1))
         unknowns = np.zeros(model.rigid.fixed.size)
         displacement = np.zeros_like(fem.Function(model.space).x.array)
         state = State(0, self.path.time_at(-1), displacement, unknowns, begun)
@@ -454,11 +451,9 @@ class StatedProblem:
     recall = recalled_equilibrium
 
     def accept(self, new: State, report: Report) -> None:
-        """Go on with the shortenings that forces have led to."""
-        if not self.model.statement.preloads:
-            return
-        found = report.mechanics.model
-        self.model = replace(self.model, **stated(found.statement), applied=found.applied)
+        """Remember the shortenings that forces have led to, for results of earlier steps."""
+        if self.model.statement.preloads:
+            self.model = self.model.with_statement(report.mechanics.statement)
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:
         """Solve the load step from a state to a time; collective.

@@ -186,7 +186,7 @@ def contact_equilibrium(
     body = posed.body
     reason = None
     with problem.timings.phase("iterate"):
-        if body.statement.tightens(place):
+        if body.tightens(place):
             from signorini_fx.solving.bolt_preloads import found_in, solve_tightened
 
             body, start, outcome, reason = solve_tightened(body, posed.task, start, budget)
@@ -334,7 +334,7 @@ def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
     balance = report.mechanics.balance(displacement, report.start.place)
     owned = displacement.x.array[: balance.internal.size].reshape(balance.internal.shape)
     moves = any(effect.moves_bodies for effect in problem.effects)
-    rigid = replace(body.rigid, bodies=body.statement.rigid_bodies)
+    rigid = replace(body.rigid, bodies=report.mechanics.statement.rigid_bodies)
     return replace(
         result,
         displacement=displacement,

@@ -76,7 +76,7 @@ def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
     # What is an unknown as well the stiffness takes as fixed.
     for _, clause in refused_by(model.statement, _NOT_TRIED):
         return f"not tried where {clause}"
-    if model.statement.tightens(load_step):
+    if model.tightens(load_step):
         return "not tried where a force determines the shortening of a section"
     if law.ends_open is not None:
         return "where a point opens, its friction ends with a jump"

@@ -10,7 +10,8 @@ def certify(
     statement, tagged, displacement, tractions, *, law=UNREGULARISED, step=0, before=None, rigid=()
 ):
     """Of a load step."""
-    mechanics = StatedMechanics(prepare(statement, tagged, Timings(), path_step=step))
+    model = prepare(statement, tagged, Timings(), path_step=step)
+    mechanics = StatedMechanics(model, model.statement)
     return mechanics.certified(
         displacement, tractions, law=law, step=step, last=before, rigid=rigid
     )

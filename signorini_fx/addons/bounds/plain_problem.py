@@ -99,7 +99,7 @@ def _of_facets(model: Model, named: str | None) -> Rows:
         f"at {name}": tagged.facets(name) for name in boundaries
     }  # in the same order on all ranks
     facets["named"] = np.zeros(0, dtype=np.int32) if named is None else tagged.facets(named)
-    for number, effect in enumerate(statement.contact):
+    for number, effect in enumerate(model.contacts):
         if number in model.pairs:
             sides = model.pairs[number].sides
             facets |= {
@@ -141,7 +141,7 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
     mass = np.zeros(len(cells))
     if values.shape[1] == d + 1:
         values = np.concatenate((values, values[:, EDGES[d]].mean(axis=2)), axis=1)
-    for material in model.statement.material:
+    for material in model.materials:
         inside = cells if material.region is None else np.isin(cells, tagged.cells(material.region))
         mass[inside] = material.density or 0.0
     x = np.asarray(tagged.mesh.geometry.x[corners][..., :d], dtype=np.float64)
@@ -261,11 +261,11 @@ class PlainProblem:
         if d == 2 and model.space.element.basix_element.degree == 2:
             # The stress is linear: on four triangles it is as accurate as that of degree 2.
             self.t, self.y, self._halves = divide(t, y)
-        self._statement = model.statement.placed(step)
+        self._statement = model.statement
         self.held = self._supports()
         self.body, self.traction = self._loads()
         self.named: Ints = self._facets("named")
-        contacts = enumerate(self._statement.contact) if "point" in rows else ()
+        contacts = enumerate(self._statement.contacts_at(step)) if "point" in rows else ()
         self.contacts = [self._contact(number, effect) for number, effect in contacts]
 
     @property
@@ -339,7 +339,7 @@ class PlainProblem:
         places = t.with_middles(t.x)
         held = np.zeros((*t.facets.shape, t.dimension))
         for entry in self._statement.of(Displacement):
-            if not entry.holding:
+            if not entry.holds_at(self._step):
                 continue
             factor, effect = self._statement.now(entry, self._step)
             facets = self._facets(f"at {effect.boundary}")

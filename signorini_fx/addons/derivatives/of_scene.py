@@ -35,7 +35,7 @@ from signorini_fx.mechanics.body.discretisation import (
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.model import Model, stated
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.features import refused_by
@@ -374,23 +374,22 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
     """The data of each load step of a scene in which the number at a path is another."""
     of_contact = path.startswith("contact")
     changed = None if of_contact else prepare(statement, steps[0].model.tagged, Timings())
-    at = [statement.placed(step.place) for step in steps]
+    at = [statement.contacts_at(step.place) for step in steps]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
         model = steps[k].model
-        statement_k = at[k]
-        if k and statement_k is at[k - 1]:
+        if k and at[k] is at[k - 1]:
             return contact(k - 1)
-        step_model = replace(model, **stated(statement_k))
+        step_model = replace(model, contacts=at[k])
         if ".friction." in path:
             return {"law": law_of(step_model)}
         parts = contact_of(step_model)
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
         if any(effect.moves for effect in step_model.contacts):
-            before = at[k - 1] if k else statement_k.placed(-1)
+            before = at[k - 1] if k else statement.contacts_at(-1)
             moving["drift"] = moved_since(
-                replace(step_model, boundary=parts["boundary"]), placements(before.contact)
+                replace(step_model, boundary=parts["boundary"]), placements(before)
             )
         return moving
 

@@ -48,7 +48,7 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
             acting[effect.where].append(effect)
         if isinstance(effect, ContactEffect) and effect.against is not None:
             acting[effect.against].append(effect)
-    placed = statement.placed(0).contact if statement is not None and dim == 2 else ()
+    placed = statement.contacts_at(0) if statement is not None and dim == 2 else ()
     time = 0.0 if statement is None else statement.time_at(statement.steps - 1)
     return Setup(
         title,

@@ -89,7 +89,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
         solution.comm, lambda: find_spec("pyvista") is not None
     ):
         return drawn
-    for effect in solution.statement.placed(last.place).contact:
+    for effect in solution.statement.contacts_at(last.place):
         if effect.surface is None:
             continue
         distance = effect.gap_in(tagged.dimension)

@@ -36,8 +36,8 @@ from signorini_fx.forms.elasticity import (
 )
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_shapes import (
+    MovingRigidBodies,
     MovingShape,
-    MovingTools,
     curvature_of,
     fitting,
     hessians_at,
@@ -50,7 +50,6 @@ from signorini_fx.forms.solver import (
     case_of,
     first_start,
     options_applied,
-    task_of,
     with_modulus,
 )
 from signorini_fx.machine import compat, parallel
@@ -94,7 +93,7 @@ class MovingFoundations(Foundations):
     """Foundations whose shapes are seen from points at the displacement ``at``."""
 
     sliding: Mapping[int, MovingPair]  # by their numbers
-    coordinates: Array  # of tools where they are, see ``MovingTools``
+    coordinates: Array  # of rigid bodies where they are, see ``MovingRigidBodies``
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
         self.at = at
@@ -143,9 +142,11 @@ class MovingFoundations(Foundations):
         ]
 
     @property
-    def rigid_bodies(self) -> MovingTools:
+    def rigid_bodies(self) -> MovingRigidBodies:
         given = super().rigid_bodies
-        return MovingTools(given.bodies, given.kinematics, given.length, self.at, self.coordinates)
+        return MovingRigidBodies(
+            given.bodies, given.kinematics, given.length, self.at, self.coordinates
+        )
 
     def check_driven(self) -> None:
         """Refuse driven shapes, also those given turned about another axis than forces turn them
@@ -160,11 +161,11 @@ class MovingFoundations(Foundations):
                     raise FormError.at(f"contact[{part}].shape.rotation", reason)
 
     def carry_to(self, coordinates: Array) -> None:
-        """Put tools where they are at coordinates of shape (k,)."""
+        """Put rigid bodies where they are at coordinates of shape (k,)."""
         self.coordinates = coordinates
-        for tool in self.rigid_bodies.motions:
-            for part in tool.body.parts:
-                self.moving[part].carry_to(tool)
+        for motion in self.rigid_bodies.motions:
+            for part in motion.body.parts:
+                self.moving[part].carry_to(motion)
 
     def motion_at(self, boundary: ContactBoundary, begun: State) -> Array | None:
         """How far shapes have moved with points since a state, length, shape (n, d); None: not."""
@@ -308,7 +309,7 @@ class Bent:
     Attributes:
         hessians: of distances at contact points, see ``hessians_at``.
         curvature: what the shapes add.
-        relative: see ``MovingTools.relative_stiffness``.
+        relative: see ``MovingRigidBodies.relative_stiffness``.
         askew: whether what is added is not symmetric.
         tractions: these; None: there are none.
     """
@@ -396,7 +397,7 @@ class Solved:
         outcome: how the method has ended.
         state: the contact points of this rank.
         values: the displacement, ghosts included, shape (dofs,).
-        tools: coordinates of tools, see ``MovingTools``.
+        rigid: coordinates of rigid bodies, see ``MovingRigidBodies``.
         new: the last solution in the step; None: there is none.
     """
 
@@ -405,7 +406,7 @@ class Solved:
     outcome: Outcome
     state: ContactState
     values: Array
-    tools: Array
+    rigid: Array
     new: State | None
 
     @property
@@ -422,20 +423,20 @@ class Solved:
 
     def internal(self, increment: Array) -> tuple[Array, Array, float]:
         """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned
-        dofs,), and the work of the forces that normals which turn relative to tools, and springs of
-        tools, exert on increments from where the body is; collective.
+        dofs,), and the work of the forces that normals which turn relative to rigid bodies, and
+        their springs, exert on increments from where the body is; collective.
         """
         linear = self.linear
         elastic = linear.elastic
         rigid = linear.posed.rigid
         work = 0.0
         if rigid.bodies:
-            moved = self.tools - self.body.foundations.coordinates
+            moved = self.rigid - self.body.foundations.coordinates
             springs = np.where(rigid.fixed, 0.0, rigid.stiffness)
             work += float(springs @ moved**2)
             if elastic.relative is not None:
-                on_tools = elastic.relative_forces(increment, moved)[1]
-                work += float(2 * on_tools @ moved + moved @ elastic.relative[1] @ moved)
+                on_rigid = elastic.relative_forces(increment, moved)[1]
+                work += float(2 * on_rigid @ moved + moved @ elastic.relative[1] @ moved)
         held = elastic.forces_of(np.where(linear.prescribed[0], increment, 0.0))
         turning = linear.iterate.bent.curvature.times(increment, elastic.space)
         return elastic.forces_of_free(increment) + held, turning, work
@@ -595,8 +596,8 @@ class NonlinearBody(BodyOfForms):
         size = self.named[1].size
         hessians = hessians_at(state.boundary, foundations.moving, self.places, size)
         blocks = curvature_of(hessians, state)
-        tools = foundations.rigid_bodies
-        relative = tools.relative_stiffness(state, blocks) if tools.bodies else None
+        rigid = foundations.rigid_bodies
+        relative = rigid.relative_stiffness(state, blocks) if rigid.bodies else None
         joint = [
             pair.stiffness(state, symmetric=not askew) for pair in foundations.sliding.values()
         ]
@@ -643,7 +644,7 @@ class NonlinearBody(BodyOfForms):
         data = foundations.data(shapes)
         settings = Settings.of(self.settings)
         problem = foundations.problem(boundary, data, settings, elastic.scales)
-        task = task_of(elastic, case, problem, self.contact, self.history)
+        task = elastic.task([case], np.ones(1), *problem, history=self.history)
         drift = foundations.motion_at(boundary, self.begin)
         posed = Posed(
             elastic,
@@ -684,7 +685,7 @@ class NonlinearBody(BodyOfForms):
         # With effects its gammas are there already.
         begin = replace(self.begin, gammas=None) if self.effects else self.begin
         begun, before = start_of(posed, begin, self.last)
-        tools = foundations.rigid_bodies
+        rigid = foundations.rigid_bodies
         tangents = boundary.tangents
         origin = begun.data.slip_origin.copy()
         for number, pair in foundations.sliding.items():
@@ -698,10 +699,10 @@ class NonlinearBody(BodyOfForms):
             origin = np.where(boundary.at_nodes[:, None], origin, count)
         places = self.places[boundary.nodes]
         way = self.way(boundary, before)
-        if boundary.moving is not None:  # slips on tools count from there by their finite motion
-            places = places - boundary.moving.modes @ tools.coordinates
-            on_tools = np.isin(boundary.part, tools.parts)
-            origin = np.where(on_tools[:, None], components(places - way, tangents), origin)
+        if boundary.moving is not None:  # slips on rigid bodies count from there
+            places = places - boundary.moving.modes @ rigid.coordinates
+            on_rigid = np.isin(boundary.part, rigid.parts)
+            origin = np.where(on_rigid[:, None], components(places - way, tangents), origin)
         if state is not None and len(bent.hessians) == boundary.size == state.boundary.size:
             slip = components(places, tangents) - origin
             slip -= components(vectors_of(state.slip_length, state.boundary.cotangents), tangents)
@@ -915,14 +916,13 @@ class NonlinearBody(BodyOfForms):
         elastic = linear.elastic
         unknowns = outcome.displacement()
         displacement = elastic.function(unknowns)
-        rigid = linear.posed.rigid
         state = ContactState.of(linear.task.contact(outcome, linear.start), linear.boundary)
-        tools = rigid.unknowns(rigid.moved(elastic.driven(unknowns, None)))
+        coordinates = elastic.driven(unknowns, None)
         new = self.last
         if outcome.status is Status.CONVERGED:
             new = state_of(linear.posed, linear.start, outcome, displacement, self.begin)
         values = displacement.x.array
-        self.solved = Solved(self, linear, outcome, state, values, tools, new)
+        self.solved = Solved(self, linear, outcome, state, values, coordinates, new)
         return self.solved
 
     def settled(self) -> Solved:

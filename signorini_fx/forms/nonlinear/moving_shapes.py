@@ -7,7 +7,7 @@ of the nodes, shape (nodes, d), and the ``size`` of the body, lengths; H are the
 second derivatives of distances, and w is the ``way`` of the points relative to their shapes since
 the last step, length, shape (n, d).
 
-Tools are rigid shapes that forces and moments move by v and turn about their pivot c by a rotation
+Rigid bodies are shapes that forces and moments move by v and turn about their pivot c by a rotation
 vector psi, which are unknown and need not be small.  With the arm a = X + u - c - v of a point,
 contact sees y - R q with R q = v + psi x a, to first order: psi is along one axis, so that in 3D no
 more than one of its components may be free.
@@ -44,7 +44,7 @@ class MovingShape:
     u: fem.Function  # the displacement of the body
     turns: bool  # whether forces may turn it, see ``fitting``
     added: Array = field(init=False)  # to its distance at the nodes, length, shape (n,)
-    motion: ToolMotion | None = None  # by which forces have moved it; None: by none
+    motion: FiniteRigidMotion | None = None  # by which forces have moved it; None: by none
     _home: Shape = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class MovingShape:
             update={"shift": self._home.shift, "rotation": self._home.rotation}
         )
 
-    def carry_to(self, motion: ToolMotion) -> None:
+    def carry_to(self, motion: FiniteRigidMotion) -> None:
         """Put a shape that forces move where its rigid body is."""
         self.motion, home, turn, dim = motion, self._home, motion.rotation, motion.reference.size
         about = home.reference(dim) - motion.reference
@@ -231,9 +231,9 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
     return shape
 
 
-class ToolMotion(RigidBodyMotion):
-    """How a tool has moved: by a translation of its pivot and a rotation vector that need not be
-    small.
+class FiniteRigidMotion(RigidBodyMotion):
+    """How a rigid body has moved: by a translation of its pivot and a rotation vector that need
+    not be small.
     """
 
     def at(self, x: Array) -> Array:
@@ -251,8 +251,8 @@ class ToolMotion(RigidBodyMotion):
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: Flags) -> Array:
-        """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c
-        - psi x a.
+        """Arms of the displaced points, from their displacement relative to the rigid body, r = X +
+        a - c - psi x a.
         """
         boundary = contact.boundary
         axes = np.eye(self.reference.size)
@@ -268,8 +268,8 @@ class ToolMotion(RigidBodyMotion):
 
 
 @dataclass(frozen=True)
-class MovingTools(RigidBodies):
-    """The tools of a problem, which are given where they have not moved yet, at points that have
+class MovingRigidBodies(RigidBodies):
+    """The rigid bodies of a problem, given where they have not moved yet, at points that have
     been displaced.
     """
 
@@ -277,15 +277,12 @@ class MovingTools(RigidBodies):
     coordinates: Array  # (v, L psi) of each where it is, lengths, shape (k,)
 
     @property
-    def motions(self) -> tuple[ToolMotion, ...]:
+    def motions(self) -> tuple[FiniteRigidMotion, ...]:
         """How they have moved."""
         return self.moved(self.coordinates)
 
-    def moved(self, unknowns: Array) -> tuple[ToolMotion, ...]:
-        moved = super().moved(unknowns)
-        return tuple(
-            ToolMotion(one.body, one.reference, one.translation, one.rotation) for one in moved
-        )
+    def moved(self, unknowns: Array) -> tuple[FiniteRigidMotion, ...]:
+        return tuple(FiniteRigidMotion(**vars(one)) for one in super().moved(unknowns))
 
     def places(self, boundary: ContactBoundary) -> Array:
         """Return the displaced points less the translation of their pivot, shape (n, d)."""
@@ -293,17 +290,17 @@ class MovingTools(RigidBodies):
             boundary.centre
             + self.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
         )
-        for tool in self.motions:
-            places[np.isin(boundary.part, tool.body.parts)] -= tool.translation
+        for motion in self.motions:
+            places[np.isin(boundary.part, motion.body.parts)] -= motion.translation
         return places
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
         """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between
-        points and tools, see ``Model.relative``; collective.
+        points and rigid bodies, see ``Model.relative``; collective.
 
-        They are forces of (r, L w), the displacement relative to the tool and its turn: normals
-        meet r by C, tractions turn by w, and arms change by r + w x a.  The symmetric part of that
-        is, with [t] b = t x b,
+        They are forces of (r, L w), the displacement relative to the rigid body and its turn:
+        normals meet r by C, tractions turn by w, and arms change by r + w x a.  The symmetric part
+        of that is, with [t] b = t x b,
 
             [0, -[t]; [t], a . t - (a t^T + t a^T) / 2].
         """

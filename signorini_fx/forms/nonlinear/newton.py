@@ -328,7 +328,7 @@ class EquilibriumSolver(Stability):
 
     def show_last(self, begin: Array) -> None:
         """Make the last solution what the user sees, or before the first one the values of ``u``
-        where it began; loads and shapes stay, but for tools that forces move; collective.
+        where it began; loads and shapes stay, but for rigid bodies that forces move; collective.
         """
         solved = self.solved
         if solved is not None and solved.status is not Status.CONVERGED:
@@ -439,7 +439,7 @@ def newton(
     is_linear = not follows and evaluated.update is None and tangents.bilinear is not None
     for iteration in range(1, max_newton + 1):
         old = u.x.array.copy()
-        tools = foundations.coordinates
+        coordinates = foundations.coordinates
         residual = evaluated.at(old) if residual is None else residual
         if residual is None:
             return Verdict(Status.INVERTED, "at the values of u before the solve")
@@ -459,14 +459,14 @@ def newton(
         if length == 0.0:
             return Verdict(Status.INVERTED, tried=old + increment)
         u.x.array[:] = old + length * increment
-        moved = length * (solved.tools - tools)
-        foundations.carry_to(tools + moved)
+        moved = length * (solved.rigid - coordinates)
+        foundations.carry_to(coordinates + moved)
         change, size = (
             max(
                 parallel.largest(comm, np.abs(values)),
                 float(np.abs(further).max(initial=0.0)),
             )
-            for values, further in ((length * increment, moved), (u.x.array, tools + moved))
+            for values, further in ((length * increment, moved), (u.x.array, coordinates + moved))
         )
         small = change <= ROOT_OF_EPS * size
         least = change <= least_increment(solved)
@@ -519,13 +519,13 @@ def line_search(
     old, increment, residual = at
     comm = solved.body.space.mesh.comm
     owned = len(residual)
-    internal, turning, on_tools = solved.internal(increment)
+    internal, turning, on_rigid = solved.internal(increment)
     ahead = np.where(solved.linear.prescribed[0][:owned], 0.0, increment[:owned])
 
     def along(forces: Array) -> float:
         return parallel.total(comm, ahead @ forces)
 
-    first = -along(internal) - on_tools
+    first = -along(internal) - on_rigid
     size, change = (parallel.largest(comm, np.abs(values)) for values in (old, increment))
     search = search and first < 0 and change > CERTIFICATE_TOLERANCE * size
     steepest = WHOLE_SLOPE * abs(first) if search else np.finfo(float).max
@@ -542,7 +542,7 @@ def line_search(
         if forces is not None:
             # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn
             # with the normals.
-            slope = along(forces - internal - residual + share * turning) - (1.0 - share) * on_tools
+            slope = along(forces - internal - residual + share * turning) - (1.0 - share) * on_rigid
         if slope <= steepest:
             break
     if np.isfinite(slope):

@@ -44,12 +44,10 @@ from signorini_fx.forms.nonlinear.results import (
     traction_left,
 )
 from signorini_fx.forms.nonlinear.steps import NonlinearSteps, solve_path
-from signorini_fx.forms.solver import LASTS, UNDERIVED
-from signorini_fx.forms.steps import Clock
+from signorini_fx.forms.solver import LASTS, UNDERIVED, Clock
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import Foundation, Pair
-from signorini_fx.mechanics.model import stated
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -329,12 +327,16 @@ class NonlinearContactProblem(ProblemOfForms):
         statement, tagged = named_parts(solved.forms, linear.elastic.settings, ("F",))
         model = replace(
             linear.elastic,
-            **stated(statement) | {"title": title, "path": path},
+            contacts=statement.contact,
+            title=title,
+            path=path,
             tagged=tagged,
             law=solved.start.law,
             rigid=solved.posed.rigid,
         )
-        mechanics = replace(solved.mechanics, model=model, ends=ends, errors_now=errors)
+        mechanics = replace(
+            solved.mechanics, model=model, statement=statement, ends=ends, errors_now=errors
+        )
         ended = (solved.outcome, solved.data)
         found = self.findings
         solution = contact_solution(

@@ -127,20 +127,20 @@ def certified(
         displaced=bool(foundations.moving or foundations.sliding),
     )
     contact = _conditions(body, linear) if body.contact else None
-    tools = foundations.rigid_bodies
+    rigid_bodies = foundations.rigid_bodies
     before = linear.before
     if before is not None:
         moved = foundations.motion_at(boundary, linear.begin)
-        signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
-        if moved is not None:  # of tools it is what is beyond that of the undeformed points
-            for tool, sign in signed:
-                touching = np.isin(boundary.part, tool.body.parts)
-                moved[touching] += sign * tool.at(boundary.x[touching])
+        if moved is not None:  # of rigid bodies it is beyond that of the undeformed points
+            for motions, sign in ((rigid_bodies.motions, -1.0), (before.rigid, 1.0)):
+                for motion in motions:
+                    touching = np.isin(boundary.part, motion.body.parts)
+                    moved[touching] += sign * motion.at(boundary.x[touching])
         before = replace(before, moved=moved)
     if contact is not None and contact.law is not None and contact.boundary.corners is not None:
         before = before or PreviousStep(fem.Function(space), Tractions.none(contact.boundary))
         before = replace(before, moved=_moved_with_corners(solved, contact.boundary, before))
-    rigid = [*zip(tools.motions, tools.drives(), strict=True)]
+    rigid = [*zip(rigid_bodies.motions, rigid_bodies.drives(), strict=True)]
     tractions = tractions or Tractions.of(solved.state)
     law = Law(*linear.task.promised(solved.outcome))
     certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
@@ -256,13 +256,18 @@ class SolvedBody(Report):
             linear_solves=solves,
             rigid_bodies=body.foundations.rigid_bodies.motions,
         )
-        mechanics = NonlinearMechanics(elastic, [(step, end)], forms.boundaries)
+        mechanics = NonlinearMechanics(elastic, body.named[0], [(step, end)], forms.boundaries)
         loads = Loads(np.zeros(elastic.fixed.size) + body.evaluated.loads, linear.prescribed[1])
         pairs: Any = {**body.foundations.pairs, **body.foundations.sliding}
         named = replace(elastic, law=linear.start.law, pairs=pairs)
         if (given := body.model_of_scene) is not None:
-            said = given.statement
-            named = replace(named, statement=said, contacts=said.contact, tagged=given.tagged)
+            named = replace(
+                named,
+                coefficients=given.coefficients,
+                materials=given.materials,
+                contacts=given.contacts,
+                tagged=given.tagged,
+            )
         posed = replace(linear.posed, body=named, loads=loads)
         outcome = solved.outcome
         ended = (posed, linear.start, outcome, outcome.problem.data)

@@ -38,7 +38,7 @@ from signorini_fx.mechanics.loads.load_vectors import (
 from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overlap
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
-from signorini_fx.mechanics.model import Model, stated
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
@@ -72,7 +72,7 @@ def prepare(
     facets = boundary_facets(statement, tagged)
     _try_functions(statement, tagged)
     try:
-        return _prepared(statement.placed(path_step), tagged, facets, timings)
+        return _prepared(statement, tagged, facets, timings, path_step)
     except FormError as error:  # of a foundation
         raise SceneError(error.problems) from None
 
@@ -105,6 +105,7 @@ def _prepared(
     tagged: TaggedMesh,
     facets: dict[str, Indices],
     timings: Timings,
+    path_step: float,
 ) -> Model:
     check_materials(statement.material)
     kinematics = statement.kinematics_in(tagged.dimension)
@@ -135,7 +136,7 @@ def _prepared(
         resistance = compile_resistance(
             acting, on, ufl.TrialFunction(space), ufl.TestFunction(space)
         )
-        loaded = _loaded(on, facets)
+        loaded = _loaded(on, facets, path_step)
     resists = () if resistance is None else (resistance,)
     # Mean ratios of Poisson follow from moduli, with round-off; in plane stress those of plane
     # strain count.
@@ -152,7 +153,11 @@ def _prepared(
         compressible=all((1 - 2 * most) * first <= 2 * most * second for first, second in lame),
         elastic=on.elastic,
         modulus=statement.young,
-        **stated(statement),
+        title=statement.title,
+        forces_at=statement.forces_at,
+        path=statement.path,
+        contacts=statement.contacts_at(path_step),
+        materials=statement.material,
         tagged=tagged,
         rigid=RigidBodies(statement.rigid_bodies, kinematics, tagged.size),
         **loaded,
@@ -178,13 +183,13 @@ def _prepared(
         1, statement.steps if any(effect.friction.timed for effect in model.contacts) else 1
     ):
         # Errors are found before the first step.
-        _foundations(replace(model, **stated(statement.placed(step)))).friction()
+        _foundations(replace(model, contacts=statement.contacts_at(step))).friction()
     return replace(model, applied=tuple(applied), **contact)
 
 
-def _loaded(on: FormCoefficients, facets: dict[str, Indices]) -> dict[str, Any]:
-    """The fields of a model that follow from supports and loads; collective."""
-    supports = Supports.of(on.statement, on.space, facets, on.tagged)
+def _loaded(on: FormCoefficients, facets: dict[str, Indices], step: float) -> dict[str, Any]:
+    """The fields of a model that follow from loads and the supports of a place; collective."""
+    supports = Supports.of(on.statement, on.space, facets, on.tagged, step)
     test = ufl.TestFunction(on.space)
     groups = load_groups(on.statement, on.statement.loads).items()
     return {
@@ -192,6 +197,7 @@ def _loaded(on: FormCoefficients, facets: dict[str, Indices]) -> dict[str, Any]:
         "turned": supports.turned,
         "fixed": supports.fixed,
         "supports": supports.conditions,
+        "held": on.statement.held_at(step),
         "coefficients": on,
         "density": lambda: on.density * on.around,
         "applied": tuple(
@@ -229,13 +235,16 @@ def placed(model: M, step: float) -> M:
     """Return the model with contact and supports of a place in the lists of factors; itself if
     nothing changes; collective.
     """
-    statement = model.statement.placed(step)
-    if statement is model.statement or model.boundary is None:
+    statement = model.statement
+    contacts = statement.contacts_at(step)
+    if model.boundary is None:
         return model
-    if statement.displacement is not model.statement.displacement:
-        return _with_supports(model, statement)
-    moved = replace(model, **stated(statement))
-    if not any(effect.moves or effect.gap_timed for effect in moved.contacts):
+    if statement.held_at(step) != model.held:
+        return _with_supports(model, step, contacts)
+    if contacts is statement.contact:
+        return model
+    moved = replace(model, contacts=contacts)
+    if not any(effect.moves or effect.gap_timed for effect in contacts):
         return replace(moved, law=law_of(moved))
     return replace(moved, **contact_of(moved))
 
@@ -244,20 +253,18 @@ def held_at(model: M, step: float) -> M:
     """Return the model with the supports of a place, and contact as it is; itself if no support
     changes; collective.
     """
-    supports = model.statement.placed(step).displacement
-    if supports is model.statement.displacement:
+    if model.statement.held_at(step) == model.held:
         return model
-    return _with_supports(model, model.statement.changed(displacement=supports))
+    return _with_supports(model, step, model.contacts)
 
 
-def _with_supports(model: M, statement: Statement) -> M:
-    """Return the model with other supports, and contact as another statement has it; collective."""
-    assert model.coefficients is not None
-    loaded = _loaded(
-        replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged)
-    )
-    further = model.applied[len(load_groups(model.statement, model.statement.loads)) :]
-    fields = loaded | stated(statement) | {"applied": (*loaded["applied"], *further)}
+def _with_supports(model: M, step: float, contacts: tuple[Any, ...]) -> M:
+    """Return the model with the supports of a place and these contacts; collective."""
+    on = model.coefficients
+    assert on is not None
+    loaded = _loaded(on, boundary_facets(on.statement, on.tagged), step)
+    further = model.applied[len(load_groups(on.statement, on.statement.loads)) :]
+    fields = loaded | {"applied": (*loaded["applied"], *further), "contacts": contacts}
     changed = replace(model, **fields, of_body={})
     return replace(changed, **contact_of(changed))
 
@@ -283,7 +290,7 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     contact points; collective.
     """
     assert model.boundary is not None
-    changed = replace(model, **stated(statement))
+    changed = replace(model.with_statement(statement), contacts=statement.contact)
     foundations = _foundations(changed)
     return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 

@@ -97,7 +97,7 @@ class PassedHeat:
         pressure = np.maximum(contact.pressure, 0.0)
         gap = np.maximum(contact.gap - contact.u_n, 0.0)
         closed = contact.in_contact | contact.bilateral
-        for number, entry in enumerate(model.statement.contact):
+        for number, entry in enumerate(model.contacts):
             on = part == number
             if (joint := entry.conductance) is not None:
                 conductance[on] = joint.of(pressure[on], gap[on], closed[on])
@@ -142,7 +142,7 @@ class Conductor:
         if not np.array_equal(self.space.dofmap.list, space.dofmap.list):
             raise RuntimeError("temperatures are numbered otherwise than the nodes")
         self.entries: tuple[Heat, ...] = model.statement.effects["heat"]
-        self.stores = any(one.specific_heat is not None for one in model.statement.material)
+        self.stores = any(one.specific_heat is not None for one in model.materials)
         self.temperature = fem.Function(self.space)
         self.rate = fem.Function(self.space)
         self._solved: tuple[bytes, Array] | None = None
@@ -366,7 +366,7 @@ class Conductor:
         for point in np.flatnonzero(conducts):
             touched = np.unique(of_node[shares.indices[slice(*shares.indptr[point : point + 2])]])
             linked[np.ix_(touched, touched)] = 1.0
-            if self.model.statement.contact[boundary.part[point]].against is None:
+            if self.model.contacts[boundary.part[point]].against is None:
                 linked[touched, -1] = 1.0
         linked = parallel.global_sum(comm, linked)
         known = known | (linked[:, -1] > 0)
@@ -423,7 +423,7 @@ class Conduction(StepEffect):
         """Whether contact decides the temperature."""
         return any(
             entry.conductance is not None or entry.friction_heat is not None
-            for entry in model.statement.contact
+            for entry in model.contacts
         )
 
     # --- a step ---
@@ -443,7 +443,7 @@ class Conduction(StepEffect):
         boundary = model.boundary
         passed = None
         if boundary is not None:
-            joints = [entry.conductance for entry in model.statement.contact]
+            joints = [entry.conductance for entry in model.contacts]
             conducts = np.array([joint is not None for joint in joints])[boundary.part] * 1.0
             zero = np.zeros(boundary.size)
             to_points = ContactMap(boundary, Conductor.of(model).space)
@@ -613,7 +613,7 @@ class Conduction(StepEffect):
             return
         jumps = columns["temperature_slave"] - columns["temperature_master"]
         boundary = ended.contact.boundary
-        for number, entry in enumerate(ended.model.statement.contact):
+        for number, entry in enumerate(ended.model.contacts):
             if entry.conductance is None:
                 continue
             own = jumps[boundary.part == number]

@@ -115,9 +115,9 @@ class MidpointRule(StepEffect):
         state = set_in_motion(model.rigid, state, drives)
         if static:
             return state.with_field("first velocity", "dofs", self._initial_velocity(model))
-        statement = model.statement.placed(0.0)
-        placed = tuple(getattr(one.foundation, "placement", None) for one in statement.contact)
-        state = replace(state, number=1, time=statement.time_at(0.0), placed=placed)
+        contacts = model.statement.contacts_at(0.0)
+        placed = tuple(getattr(one.foundation, "placement", None) for one in contacts)
+        state = replace(state, number=1, time=model.path.time_at(0.0), placed=placed)
         state = state.with_field("velocity", "dofs", self._initial_velocity(model))
         return state.with_field("load", "dofs", _with_ghosts(model, loads.forces))
 
@@ -157,7 +157,7 @@ class MidpointRule(StepEffect):
             raise SceneError.at("inertia.time_step", reason)
 
     def shortest(self, model: Model) -> float:
-        if model.boundary is None or not model.statement.material:  # of forms none is known
+        if model.boundary is None or not model.materials:  # of forms none is known
             return 0.0
         return _LEAST_STEP * self.smallest_cell(model)[0]
 
@@ -165,9 +165,8 @@ class MidpointRule(StepEffect):
         """Return the time in which a wave passes the smallest cell in contact, and its height,
         length; collective.
         """
-        statement = model.statement
         speed = 0.0
-        for material in statement.material:
+        for material in model.materials:
             first, second = material.lame
             speed = max(speed, float(np.sqrt((first + 2 * second) / material.density)))
         mesh = model.space.mesh

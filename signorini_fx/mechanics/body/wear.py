@@ -79,7 +79,7 @@ class Wear(StepEffect):
             _check(boundary, coefficient, f"contact[{number}].wear.coefficient", "is negative")
             if slip is not None:
                 softness[on] = coefficient * np.maximum(slip, 0.0)
-        return model.statement.load_steps.jump_at(state.number) * softness
+        return model.path.jump_at(state.number) * softness
 
     def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
         again, unsettled = self._again(state, new, ended)
@@ -113,7 +113,7 @@ class Wear(StepEffect):
             return new
         softness = self._softness(ended.model, contact.boundary, state, new.time)
         new = self.added(new, "wear", "points", softness * np.maximum(contact.pressure, 0.0))
-        jump = ended.model.statement.load_steps.jump_at(state.number)
+        jump = ended.model.path.jump_at(state.number)
         return self.added(new, "dissipated", "points", jump * contact.friction_energy)
 
     def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
@@ -162,11 +162,11 @@ class Wear(StepEffect):
             if ratio > 0:
                 text = f"a step wears {ratio:.3g} times what an explicit rule could: it is implicit"
                 yield Finding("note", where, text)
-            if len(model.statement.contact) > 1:
+            if len(model.contacts) > 1:
                 continue  # which share of the loads it bears is not known
             loads = model.loads_at(len(path.times) - 1.0).forces.reshape(-1, model.dimension)
             force = parallel.global_sum(comm, loads.sum(axis=0))
-            if model.statement.kinematics_in(model.tagged.dimension).zero_on_axis:
+            if model.kinematics.zero_on_axis:
                 force = force[1:2]  # radial ones cancel each other
             area = float(parallel.global_sum(comm, boundary.weight.sum()))
             deep = parallel.largest(comm, total[on] / height) * np.linalg.norm(force) / area
@@ -193,7 +193,7 @@ class Wear(StepEffect):
             deepest = np.lexsort((*np.round(place[::-1], 9), -np.round(depth, 12)))[0]
             extent = max(np.ptp(along) for along in place)
             at = ", ".join(f"{x:.4g}" for x in clean([along[deepest] for along in place], extent))
-            name = ended.model.statement.contact[number].boundary
+            name = ended.model.contacts[number].boundary
             text = f"{name}: worn {depth[deepest]:.4g} deep at ({at}), volume {weight @ depth:.4g}"
             if entry.distance is None:
                 text += f"; in the last step it slips by up to {slips.max():.4g}"
@@ -214,7 +214,7 @@ class Wear(StepEffect):
         pressed = contact.pressure > 0
         assert new.gammas is not None
         stiffness = np.full(boundary.size, new.gammas[0])
-        for number, entry in enumerate(ended.model.statement.contact):
+        for number, entry in enumerate(ended.model.contacts):
             if entry.overclosure is not None:
                 stiffness[boundary.part == number] = entry.overclosure.stiffness
         expected = softness * np.where(pressed, contact.pressure, 0.0)

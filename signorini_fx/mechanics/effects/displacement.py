@@ -6,7 +6,7 @@ from math import ceil
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load
@@ -61,9 +61,6 @@ class Displacement(Load):
     axis: Direction | None = None
     holds: Annotated[Entries[bool], Field(min_length=1)] | None = None
 
-    # Whether it holds in the load step that the statement is placed at.
-    _holding: bool = PrivateAttr(default=True)
-
     @model_validator(mode="after")
     def _something(self) -> Self:
         if (self.boundary is None) == (self.at is None):
@@ -80,26 +77,11 @@ class Displacement(Load):
             raise ValueError("about and axis need a rotation")
         return self
 
-    @property
-    def holding(self) -> bool:
-        """Return whether the support holds in the load step of its statement."""
-        return self._holding
-
     def holds_at(self, step: float) -> bool:
         """Return whether the support holds at a place in the lists of factors: on the way to a load
         step as in that step.
         """
         return self.holds is None or self.holds[max(0, ceil(step))]
-
-    def in_step(self, step: float) -> Self:
-        """Return the support at a place in the lists of factors; itself if it holds there as it
-        does now.
-        """
-        if self.holds_at(step) == self._holding:
-            return self
-        entry = self.model_copy()
-        entry._holding = not self._holding
-        return entry
 
     @property
     def components(self) -> tuple[Any, Any, Any]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
-from pydantic import PrivateAttr, model_validator
+from pydantic import model_validator
 
 from signorini_fx.arrays import Array, diagonal
 from signorini_fx.errors import SceneError
@@ -426,9 +426,6 @@ class Preload(Load):
     shortening: Timed | None = None
     locked_after: Count = 1
 
-    # The shortenings that forces have led to, by their places in the lists of factors.
-    _shortenings: dict[float, float] = PrivateAttr(default_factory=dict)
-
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         plane = self.point is not None and self.axis is not None
@@ -477,48 +474,31 @@ class Preload(Load):
         """Return the tension that determines the shortening, at a place in the lists of factors;
         None: the shortening is known.
         """
-        if self.force is None or step > self.locked_after - 1:
-            return None
-        return self._value_at(statement, step)
+        return self._value_at(statement, step) if self.tightens(step) else None
+
+    def tightens(self, step: float) -> bool:
+        """Return whether its force determines the shortening at a place."""
+        return self.force is not None and step <= self.locked_after - 1
 
     def shortening_at(self, statement: Any, step: float) -> float:
         """Return the shortening at a place in the lists of factors, length; zero for a force until
         it is found.
         """
         if self.force is not None:
-            found = self.found_at(step)
+            found = self.found_at(statement, step)
             return 0.0 if isnan(found) else found
         return self._value_at(statement, step)
 
-    def found_at(self, step: float) -> float:
+    def found_at(self, statement: Any, step: float) -> float:
         """Return the shortening to which its force has led up to a place, length; nan: to none."""
-        places = [found_step for found_step in self._shortenings if found_step <= step]
-        return self._shortenings[max(places)] if places else nan
-
-    def found_before(self, step: float, shortening: float) -> Self:
-        """Return this preload if its force has led to a shortening before a step to a place, nan:
-        to none; itself if it is that.
-        """
-        earlier = {place: found for place, found in self._shortenings.items() if place < step}
-        if not isnan(shortening):
-            earlier[max(earlier, default=-1.0)] = shortening
-        if earlier == self._shortenings:
-            return self
-        preload = self.model_copy()
-        preload._shortenings = earlier
-        return preload
+        found = statement.found.get(id(self), {})
+        return found[max(places)] if (places := [at for at in found if at <= step]) else nan
 
     def _value_at(self, statement: Any, step: float) -> float:
         """Return the given force or shortening at a place in the lists of factors."""
         factor, current = statement.now(self, step)
         (value,) = current.given.values()
         return factor * value_of(value)
-
-    def tightened(self, step: float, shortening: float) -> Self:
-        """Return the preload with the shortening that its force has led to at a place."""
-        preload = self.model_copy()
-        preload._shortenings = {**self._shortenings, step: shortening}
-        return preload
 
 
 def _without_density(statement: Any, key: str) -> Contradictions:

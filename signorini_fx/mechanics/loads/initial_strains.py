@@ -185,7 +185,7 @@ def jump_loads(
         forms = tuple(map(compile_form, terms))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.assembled(forms, owned)
-        of_jump = jump.amount, forms, -forces, fem.Function(space)
+        of_jump = jump.entry.shortening_at, forms, -forces, fem.Function(space)
         loads.append(
             AppliedLoad(*of_jump, balanced=True, entry=jump.entry, pressure_load=pressure_load)
         )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import ufl
@@ -50,6 +50,9 @@ from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import LARGEST_NUMBER, SAME_NUMBER
 
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.loads import Preload
+
 
 @dataclass(frozen=True)
 class AppliedLoad:
@@ -59,9 +62,8 @@ class AppliedLoad:
     Those that depend on the time are separate, and have the values of one time.
     """
 
-    factor: Callable[
-        [float], float
-    ]  # from a place in the lists of factors to what multiplies it there
+    # From a statement and a place in the lists of factors to what multiplies it there.
+    factor: Callable[[Statement, float], float]
     forms: tuple[
         fem.Form, ...
     ]  # the compiled terms of L; none if there are prescribed displacements only
@@ -74,7 +76,7 @@ class AppliedLoad:
     balanced: bool = (
         False  # whether its forces balance each other in each cell, as those of initial strains do
     )
-    entry: Load | None = None  # the entry of the scene that it is of alone; None: of several
+    entry: Preload | None = None  # the section whose shortening it is of; None: of none
     # The work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say
     # it.
     pressure_load: Array | None = None
@@ -126,8 +128,7 @@ class FormCoefficients:
     def computed(self, name: str) -> Any:
         """Return what effects have computed at the nodes, see ``BodyCoefficients``."""
         if name not in self._computed:
-            degree = self.space.element.basix_element.degree
-            space = fem.functionspace(self.space.mesh, ("Lagrange", degree))
+            space = fem.functionspace(self.space.mesh, ("Lagrange", self.degree))
             self._computed[name] = fem.Function(space)
         return self._computed[name]
 
@@ -143,6 +144,11 @@ class FormCoefficients:
             self.statement, self.tagged, lambda material, _: (getattr(material, key) or 0.0,)
         )
         return number
+
+    @property
+    def degree(self) -> int:
+        """Return the degree of the displacement."""
+        return int(self.space.element.basix_element.degree)
 
     @property
     def normal(self) -> Any:
@@ -249,9 +255,7 @@ class FormCoefficients:
             return value.ufl(mesh, self._time)
         if hasattr(value, "ufl_domain"):
             return value
-        function = fem.Function(
-            fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree))
-        )
+        function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.degree)))
         error: SceneError | None = None
         try:
             function.interpolate(lambda x: sample(value, x), cells0=cells)
@@ -365,9 +369,9 @@ def applied_load(
     )
 
 
-def _factor(factors: Sequence[float] | None) -> Callable[[float], float]:
+def _factor(factors: Sequence[float] | None) -> Callable[[Statement, float], float]:
     """``AppliedLoad.factor``; what does not grow in a ramp from nothing is there at once."""
-    return (lambda step: 1.0) if factors is None else partial(factor_at, factors)
+    return lambda statement, step: 1.0 if factors is None else factor_at(factors, step)
 
 
 def driving_load(
@@ -393,9 +397,7 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         total_strain = sum(_asked(strain, "strain", on) for strain in strains)
-        terms = on.elastic.strain_terms(
-            z, total_strain, strains[0].degree(on.space.element.basix_element.degree)
-        )
+        terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.degree))
         return tuple(map(compile_form, terms))
     formed = (load for load in loads if isinstance(load, ForceDensity) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
@@ -444,10 +446,9 @@ def _compiled(
     effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
 ) -> fem.Form:
     """The integrals of effects over what each of them acts on."""
-    element = on.space.element.basix_element.degree
     where = measures(effects, on.tagged)
     terms = [
-        integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
+        integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(on.degree)})
         for effect, d in zip(effects, where, strict=True)
     ]
     return compile_form(sum(terms[1:], terms[0]))

@@ -45,7 +45,7 @@ class Supports:
     skew: list[SkewSupport]  # those along the normals of flat boundaries across no axis
     turned: TurnedNodes | None  # the nodes of these; None: there are none
     fixed: Flags  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
-    _place: tuple[Statement, fem.FunctionSpace, dict[str, Indices], TaggedMesh]
+    _place: tuple[Statement, fem.FunctionSpace, dict[str, Indices], TaggedMesh, float]
 
     @classmethod
     def of(
@@ -54,11 +54,14 @@ class Supports:
         space: fem.FunctionSpace,
         facets: dict[str, Indices],
         tagged: TaggedMesh,
+        step: float,
     ) -> Supports:
-        """Return the Dirichlet conditions of a statement; collective."""
+        """Return the Dirichlet conditions of a statement that hold at a place in the lists of
+        factors; collective.
+        """
         from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
-        place = (statement, space, facets, tagged)
+        place = (statement, space, facets, tagged, step)
         dim = space.mesh.geometry.dim
         turned = None
         conditions, skew = conditions_on(*place)
@@ -79,12 +82,11 @@ class Supports:
 
     def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
         """The conditions and the turned nodes at a place in the lists of factors; collective."""
-        statement, space, facets, tagged = self._place
+        statement = self._place[0]
         if not any(effect.timed for effect in statement.displacement):
             return self.conditions, self.turned
         moved = tuple(effect.at_time(statement.time_at(step)) for effect in statement.displacement)
-        place = statement.changed(displacement=moved), space, facets, tagged
-        axes, skew = conditions_on(*place)
+        axes, skew = conditions_on(statement.changed(displacement=moved), *self._place[1:])
         updated = [
             replace(initial, values=current.values)
             for initial, current in zip(self.skew, skew, strict=True)
@@ -101,9 +103,11 @@ def conditions_on(
     space: fem.FunctionSpace,
     facets: dict[str, Indices],
     tagged: TaggedMesh,
+    step: float,
 ) -> tuple[Conditions, list[SkewSupport]]:
-    """Dirichlet conditions, one per component, of which the later one applies where two meet; and
-    the supports along the normals of flat boundaries across no axis; collective.
+    """Dirichlet conditions that hold at a place, one per component, of which the later one applies
+    where two meet; and the supports along the normals of flat boundaries across no axis;
+    collective.
     """
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
 
@@ -111,7 +115,7 @@ def conditions_on(
     supports = Conditions()
     skew = list[SkewSupport]()
     for index, effect in enumerate(statement.displacement):
-        if not effect.holding:
+        if not effect.holds_at(step):
             continue
         components = effect.components
         if effect.normal is not None:

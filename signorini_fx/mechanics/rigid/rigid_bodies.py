@@ -154,13 +154,6 @@ class RigidBodies:
             for k, body in enumerate(self.bodies)
         )
 
-    def unknowns(self, motions: Sequence[RigidBodyMotion]) -> Array:
-        """The inverse of ``moved``, shape (k,)."""
-        rows = [
-            np.concatenate((motion.translation, motion.rotation)) * self.units for motion in motions
-        ]
-        return np.array(rows).ravel()
-
 
 @dataclass(frozen=True)
 class RigidBodyMotion:

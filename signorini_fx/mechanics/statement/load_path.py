@@ -86,11 +86,6 @@ class LoadSteps(Table):
             changed["names"] = tuple(self.names) * len(jumps)
         return self.model_copy(update=changed), len(jumps)
 
-    def jump_at(self, number: int) -> int:
-        """Return how many load steps one stands for, counted from 0."""
-        jumps = (self.jump,) if isinstance(self.jump, int) else self.jump
-        return jumps[min(number, len(jumps) - 1)]
-
 
 def factor_at(factors: Sequence[float], step: float) -> float:
     """The factor of a load at a place: that of the load step, or linear in between; 0 for the body
@@ -132,6 +127,7 @@ class LoadPath:
             there is no ramp.
         from_nothing: whether the ramp begins at time 0 without any load, else at the first time.
         time_accuracy: see ``LoadSteps``.
+        jump: see ``LoadSteps``.
 
     Raises:
         FormError: one of these is wrong.
@@ -147,6 +143,7 @@ class LoadPath:
     steps: int | None = None
     from_nothing: bool = False
     time_accuracy: float | None = None
+    jump: int | Sequence[int] = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", tuple(map(float, self.times)))
@@ -200,6 +197,11 @@ class LoadPath:
         # Places have twelve digits: thirds that add up leave the last two uncertain.
         span = self.times[-1] - min(self.times[0], 0.0)
         return round(time, 10 - floor(log10(span)) if span > 0 else 10)
+
+    def jump_at(self, number: int) -> int:
+        """Return how many load steps one stands for, counted from 0."""
+        jumps = (self.jump,) if isinstance(self.jump, int) else self.jump
+        return jumps[min(number, len(jumps) - 1)]
 
     def place_of(self, time: float) -> float:
         """The place of a time: the inverse of ``time_at``.

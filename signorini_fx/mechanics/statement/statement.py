@@ -46,6 +46,8 @@ class Statement:
         arcs: whether the mesh may stand for a body with arcs.
         single: the keys of effects of which there can be one only.
         origin: what else was given, by its keys, for the summary alone.
+        found: the shortenings that forces have led to, length, by the identity of a preload and
+            the places of load steps.
     """
 
     title: str
@@ -64,6 +66,7 @@ class Statement:
     arcs: bool = True
     single: frozenset[str] = frozenset()
     origin: Mapping[str, Any] = field(default_factory=dict)
+    found: Mapping[int, Mapping[float, float]] = field(default_factory=dict, compare=False)
 
     def changed(self, **entries: tuple[Any, ...]) -> Self:
         """Return the statement with other entries of some keys."""
@@ -147,11 +150,7 @@ class Statement:
 
     @property
     def forces_at(self) -> str:
-        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others;
-        of forms ``L``.
-        """
-        if "traction" not in self.effects:
-            return "L"
+        """The keys of its forces, for messages; ``traction, body_force`` if it lists no others."""
         listed = [
             key
             for key, entries in self.effects.items()
@@ -176,12 +175,6 @@ class Statement:
     def preloads(self) -> tuple[Any, ...]:
         """The sections across bolts that are shortened."""
         return tuple(entry for entry in self.effects.get("preload", ()) if entry.acts)
-
-    def tightens(self, step: float) -> bool:
-        """Return whether forces tighten sections at a place in the lists of factors, whose
-        shortenings are unknowns there.
-        """
-        return any(entry.force_at(self, step) is not None for entry in self.preloads)
 
     def drives(self, dimension: int, step: float) -> list[tuple[Any, Any]]:
         """Return the loads of each rigid body at a place in the lists of factors, see ``now``:
@@ -210,28 +203,26 @@ class Statement:
         factor = 1.0 if constant else factor_at(self.factors_of(effect), step)
         return factor, effect.at_time(self.time_at(step))
 
-    def placed(self, step: float) -> Self:
-        """Return the statement with foundations, friction and supports of a place in the lists of
-        factors; itself if they do not change.  Friction before the first load step is that of the
+    def contacts_at(self, step: float) -> tuple[Any, ...]:
+        """Return the contacts with foundations and friction of a place in the lists of factors;
+        ``contact`` itself if none changes.  Friction before the first load step is that of the
         first one.
         """
-        changed: dict[str, tuple[Any, ...]] = {}
-        if any(effect.timed for effect in self.contact):
-            # Where no load step ends nothing asks for friction, such as 0.1/t.
-            time = self.time_at(step)
-            of_friction = self.time_at(0 if step == -1 else step)
-            changed["contact"] = tuple(
-                contact.at_time(time).model_copy(
-                    update={"friction": contact.friction.at_time(of_friction)}
-                )
-                for contact in self.contact
+        if not any(effect.timed for effect in self.contact):
+            return self.contact
+        # Where no load step ends nothing asks for friction, such as 0.1/t.
+        time = self.time_at(step)
+        of_friction = self.time_at(0 if step == -1 else step)
+        return tuple(
+            contact.at_time(time).model_copy(
+                update={"friction": contact.friction.at_time(of_friction)}
             )
-        supports = tuple(entry.in_step(step) for entry in self.displacement)
-        if any(
-            entry is not earlier for entry, earlier in zip(supports, self.displacement, strict=True)
-        ):
-            changed["displacement"] = supports
-        return self.changed(**changed) if changed else self
+            for contact in self.contact
+        )
+
+    def held_at(self, step: float) -> tuple[Any, ...]:
+        """Return the supports that hold at a place in the lists of factors."""
+        return tuple(entry for entry in self.displacement if entry.holds_at(step))
 
     def time_at(self, step: float) -> float:
         """The time of a place in the lists of factors, see ``statement.load_path``."""
@@ -245,9 +236,8 @@ class Statement:
         steps = self.load_steps
         alone = steps.steps is not None and all(load.factors is None for load in self.loads)
         times = steps.times or map(float, range(1, self.steps + 1))
-        accuracy = steps.time_accuracy
         named = tuple(times), steps.names or (), steps.steps
-        return LoadPath(*named, from_nothing=alone, time_accuracy=accuracy)
+        return LoadPath(*named, alone, steps.time_accuracy, steps.jump)
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:

@@ -79,7 +79,7 @@ def estimate_errors(
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
         missed /= max(parallel.total(model.comm, np.abs(forces)), pressed)
-    return combined(model, table, squares, energy, missed)
+    return combined(model, table, squares, energy, model.kinematics, missed)
 
 
 def combined(
@@ -87,6 +87,7 @@ def combined(
     table: ContactTable,
     recovery: Array,
     energy: float,
+    kinematics: Kinematics,
     missed: Array | float = 0.0,
     displaced: Collection[int] = (),
     modulus: float | None = None,
@@ -94,9 +95,9 @@ def combined(
     """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared
     error in the energy norm, of a nonlinear body those of stress and strain, each over its square
     and times ``2 energy``, shape (2, cells); ``energy``: strain energy, of a nonlinear body half of
-    the norms of stress and strain; ``missed``: share of all forces; ``displaced``: numbers of the
-    contacts that are met at displaced points; ``modulus``: stress per strain; None: that of the
-    model; collective.
+    the norms of stress and strain; ``kinematics``: of the body; ``missed``: share of all forces;
+    ``displaced``: numbers of the contacts that are met at displaced points; ``modulus``: stress per
+    strain; None: that of the model; collective.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -117,8 +118,6 @@ def combined(
     top = np.zeros_like(body)
     points = np.zeros_like(body)
     pressed = pressure_square(table)
-    # Of nonlinear bodies the model is of forms.
-    kinematics = model.statement.kinematics_in(model.tagged.dimension)
     if pressed > 0 and size > 0:
         work, force = missed_by_points(boundary, table, kinematics, displaced)
         whole = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
@@ -179,7 +178,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
     columns = table.columns
     x = np.column_stack([columns[axis] for axis in "xyz" if axis in columns])
     beyond = NOTABLE * float(np.abs(columns["u_n"]).max(initial=0.0))
-    for number, effect in enumerate(model.statement.placed(step).contact):
+    for number, effect in enumerate(model.statement.contacts_at(step)):
         if not isinstance(effect.gap, Expression) or effect.against is not None:
             continue
         segments = boundary.segments[boundary.segments[:, 0] == number]
@@ -359,8 +358,7 @@ def missed_loads(model: Model, step: float) -> Array:
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [
             density * where(metadata={"quadrature_degree": fine}),
-            -density
-            * where(metadata={"quadrature_degree": load.degree(model.statement.element.degree)}),
+            -density * where(metadata={"quadrature_degree": load.degree(on.degree)}),
         ]
     missed = compile_form(sum(terms[1:], terms[0]))
     return np.linalg.norm(assemble(missed).reshape(-1, model.dimension), axis=1)

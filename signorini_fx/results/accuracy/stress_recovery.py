@@ -198,14 +198,14 @@ def boundary_residual(
     y = stress.displacement
     exterior_facets = outer_facets(mesh)
     touching = [
-        name for e in statement.contact for name in (e.boundary, e.against) if name is not None
+        name for e in model.contacts for name in (e.boundary, e.against) if name is not None
     ]
     traction_facets = np.setdiff1d(
         exterior_facets,
         np.concatenate([exterior_facets[:0], *(model.tagged.facets(name) for name in touching)]),
     )
     listed = (effect for _, effect in statement.listed() if effect.where is not None)
-    effects = [effect for effect in listed if getattr(effect, "holding", True)]
+    effects = [one for one in listed if not isinstance(one, Displacement) or one in model.held]
     on = np.array(
         [np.isin(traction_facets, model.tagged.facets(effect.where)) for effect in effects],
         dtype=bool,
@@ -309,7 +309,7 @@ def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -
     of_law = body.elastic.stress(
         displacement, displacement if jump is None else displacement + jump, initial
     )
-    parts = [body.tagged.cells(material.region) for material in body.statement.material]
+    parts = [body.tagged.cells(material.region) for material in body.materials]
     stress = replace(of_law, parts=parts, move=move)
     stress.refresh(step)
     return stress

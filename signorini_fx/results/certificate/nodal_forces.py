@@ -62,7 +62,7 @@ class NodalForces:
         statement = model.statement
         stated, kept = model.of_mesh.get("nodal_forces", (None, None))
         entries = [id(entry) for at, entry in statement.listed() if not at.startswith("contact[")]
-        stating = statement.kinematics, statement.element, statement.path, entries
+        stating = statement.kinematics, statement.element, statement.path, statement.found, entries
         if kept is None or stated != stating:
             kept = cls(statement, model.tagged, model.space)
             model.of_mesh["nodal_forces"] = stating, kept
@@ -225,7 +225,7 @@ class NodalForces:
         """The displacements that supports prescribe in a load step."""
         statement = self.statement
         tagged = self.tagged
-        now = [statement.now(entry.in_step(step), step) for entry in statement.displacement]
+        now = [statement.now(entry, step) for entry in statement.displacement]
         factors = {id(effect): factor for factor, effect in now}
         position = {id(effect): number for number, (_, effect) in enumerate(now)}
         facets = {
@@ -234,7 +234,8 @@ class NodalForces:
             if effect.at is None
         }
         entries = tuple(effect for _, effect in now)
-        supports = Supports.of(statement.changed(displacement=entries), self.space, facets, tagged)
+        stated = statement.changed(displacement=entries)
+        supports = Supports.of(stated, self.space, facets, tagged, step)
         value = np.zeros((len(node_positions(self.space)), self.dimension))
         by = np.full(value.shape, -1)
         for (
