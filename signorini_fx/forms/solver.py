@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ from signorini_fx.mechanics.step_effect import StepEffect, effects_of_contact
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.mechanics import Mechanics, StepResult
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
 
@@ -220,7 +220,7 @@ class BodyOfForms:
 
 
 class FormSolver(BodyOfForms):
-    """The contact problem of forms as it is now, and the end of the last step."""
+    """The contact problem of forms on a path: as it is now, and the end of the last step."""
 
     boundary: ContactBoundary
     elastic: Model
@@ -246,7 +246,7 @@ class FormSolver(BodyOfForms):
     ) -> None:
         super().__init__(forms, bcs, settings, petsc_options, effects, density=density)
         self.u = u
-        self.timings = Timings()
+        self.go_through(counted_path(0))
         self.result: StepResult | None = None  # of a path, or of the user's own loop
         self.outcome: Outcome | None = (
             None  # of the last solve, unless another problem has been assembled since
@@ -288,10 +288,26 @@ class FormSolver(BodyOfForms):
             self.update()
         return self.boundary, self.space
 
-    def pose_at(self, state: State, dt: float, path: LoadPath) -> Posed:
-        """Pose the step of a duration after a state, with what the problem is now, on a path;
-        collective.
+    def go_through(
+        self, path: LoadPath, clock: Clock = lambda time: None, *, waits: bool = False
+    ) -> None:
+        """Take load steps, with what changes the problem to what it is at a time; ``waits``: see
+        ``LinearProblem``.
         """
+        self.path = path
+        self.clock = clock
+        self.waits = waits
+        self.timings = Timings()
+
+    equilibrium = contact_equilibrium
+    recall = recalled_equilibrium
+
+    def accept(self, new: State, report: Report) -> None:
+        """What the clock changes is the user's."""
+
+    def pose_at(self, state: State, place: float, dt: float) -> Posed:
+        """Pose the step to a place, of a duration, after a state; collective."""
+        self.clock(self.path.time_at(place))
         self.begin = state
         if any(effect.overrides("body") for effect in self.effects):
             self._timed = dt, state
@@ -301,7 +317,7 @@ class FormSolver(BodyOfForms):
                 data = resting.data_from(data)
             placed = self.foundations.placed
             drift = self.foundations.moved(self.boundary, state.placed)
-            body = self.model(path)
+            body = self.model(self.path)
             return Posed(body, self.rigid, self.task, first_start(data, law), placed, drift)
 
     def advance(self) -> None:
@@ -474,56 +490,15 @@ class FormSolver(BodyOfForms):
         return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *now
 
 
-@dataclass(frozen=True)
-class FormsInTime:
-    """A ``ContactProblem`` on a path; its solver is always at the last attempt."""
-
-    solver: FormSolver
-    path: LoadPath
-    clock: Clock = lambda time: None
-    waits: bool = False  # whether it is one of several load steps
-
-    @property
-    def history(self) -> History:
-        """Return the history of all solves so far."""
-        return self.solver.history
-
-    @property
-    def timings(self) -> Timings:
-        """Return the times of this path."""
-        return self.solver.timings
-
-    @property
-    def effects(self) -> Sequence[StepEffect]:
-        """Return the effects of the problem."""
-        return self.solver.effects
-
-    def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """The forms as they are at the time of a place; collective."""
-        self.clock(self.path.time_at(place))
-        return self.solver.pose_at(state, dt, self.path)
-
-    def mechanics(self, model: Model) -> Mechanics:
-        """What the forms say of a model of theirs."""
-        return self.solver.mechanics(model)
-
-    equilibrium = contact_equilibrium
-    recall = recalled_equilibrium
-
-    def accept(self, new: State, report: Report) -> None:
-        """What the clock changes is the user's."""
-
-
 def solve_now(solver: FormSolver) -> str:
     """Solve with the values of now; why there is no solution, and what to do, "": there is one;
     collective.
     """
     solver.refuse_moving(LASTS)
-    solver.timings = Timings()
     guess = solver.last
     number = solver.begin.number
     solver.foundations.without_times()
-    problem = FormsInTime(solver, counted_path(number))
+    solver.go_through(counted_path(number))
     with options_applied(*solver.options):
         if guess is None and solver.coarser_state is not None:
             from signorini_fx.solving.meshed_problem import carry_over
@@ -531,7 +506,7 @@ def solve_now(solver: FormSolver) -> str:
             solver.update()
             sets, multipliers = carry_over(solver.coarser_state, solver.boundary)
             guess = guess_of(sets, multipliers, solver.boundary, solver.begin)
-        new, report = step(problem, solver.begin, float(number), guess=guess)
+        new, report = step(solver, solver.begin, float(number), guess=guess)
         solver.show_step(new, report)
     status = report.status
     if status is Status.CONVERGED:

@@ -10,12 +10,12 @@ from pathlib import Path
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.solver import Clock, FormsInTime, FormSolver, options_applied
+from signorini_fx.forms.solver import Clock, FormSolver, options_applied
 from signorini_fx.machine.result_files import folder_path
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.records import Status, Timings
+from signorini_fx.records import Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.increments import Increments, check_step
@@ -35,12 +35,11 @@ def solve_path(
     on_step: Callable[[StepResult], object],
 ) -> Ran:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
-    solver.timings = Timings()
+    solver.go_through(path, clock, waits=path.several)
     reports = list[Report]()
-    problem = FormsInTime(solver, path, clock, path.several)
     way = Increments(path, solver.settings)
     with options_applied(*solver.options):
-        for new, report in run(problem, solver.begin, way, guess=solver.last, stored=stored):
+        for new, report in run(solver, solver.begin, way, guess=solver.last, stored=stored):
             solver.show_step(new, report)
             reports.append(report)
             if report.status is Status.CONVERGED:
@@ -51,10 +50,9 @@ def solve_path(
 def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:
     """The step from a state to a time with the values of now, which is shown; collective."""
     check_step(state, time, solver.space)
-    problem = FormsInTime(solver, LoadPath((time,)))
-    solver.timings = Timings()
+    solver.go_through(LoadPath((time,)))
     with options_applied(*solver.options):
-        new, report = step(problem, state, 0.0)
+        new, report = step(solver, state, 0.0)
     solver.show_step(new, report)
     return new, report.result
 
