@@ -67,9 +67,10 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
         yield from equilibrium(body, [k for k in range(len(body.path.times)) if k <= reached])
     yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
-        yield from _gaps(
-            body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)
-        )
+        if static or reached == np.inf:  # that of a time step is none of the scene
+            yield from _gaps(
+                body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)
+            )
         yield from _inwards(body)
         yield from _inclined(body, data)
         if static:

@@ -99,7 +99,8 @@ class Inertia(Effect):
     value_keys = ("time_step",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "inertia": {
-            "requested accuracy": "is not possible yet with inertia: its mesh is given",
+            "requested accuracy": "is not possible yet with inertia: its mesh is given; errors in "
+            "time alone are those of load_steps.time_accuracy",
             "nested iteration": "is not possible yet with inertia: leave out solver.levels",
             "mixed element": "is not possible yet with inertia: use 'reduced'",
             "preload": "is not possible yet with inertia: prescribe a displacement",
