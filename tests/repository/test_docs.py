@@ -205,7 +205,7 @@ def test_length_of_the_examples():
     """
     text = EXAMPLES.read_text(encoding="utf-8")
     asked = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
-    assert len(asked) == 15
+    assert len(asked) == 17
     for block in blocks_of(EXAMPLES):
         lines = [
             line
@@ -216,7 +216,7 @@ def test_length_of_the_examples():
         assert all(len(line) <= 120 for line in lines), block
     pictures = [re.findall(r"!\[.+\]\((images/[\w/-]+\.png)\)", one) for one in asked]
     assert all(len(one) == 1 for one in pictures)
-    assert len({one for (one,) in pictures}) == 15
+    assert len({one for (one,) in pictures}) == 17
     assert all(re.search("^```(sh|python)$", one, re.MULTILINE) for one in asked)
 
 
