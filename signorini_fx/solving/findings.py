@@ -103,10 +103,10 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from _idle(body)
     if body.data is not None:
         yield from _gaps(body, body.data, np.inf)
-    yield from _inwards(body)
     for effect in stated_effects(statement):
         yield from effect.findings(body)
     if not _moves(statement):
+        yield from _inwards(body)
         yield from closed_at_once(body)
         yield from equilibrium(body, [])
     yield from _corners(body)
@@ -729,8 +729,12 @@ def slid_at_corners(contact: ContactState | None) -> Iterator[Finding]:
 
 
 def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
-    """A finding where contact touches nothing in any load step; collective."""
+    """A finding where contact touches nothing in any load step, and there are no time steps between
+    them in which it may; collective.
+    """
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
+    if any(len(step.between) > 1 for step in steps):
+        return
     if contacts and not parallel.any_rank(comm, contacts):
         message = (
             "nothing is in contact; where contact was expected, check the gap, the loads "

@@ -301,6 +301,7 @@ def test_two_bars_exchange_their_momentum(below, law):
     tagged = solution.model.tagged
     rows = solution.displacement.function_space.dofmap.list
     upper = np.isin(np.arange(y.size), rows[tagged.cells("upper")])
+    assert "nothing is in contact" not in str(solution.findings)
     means = []
     for body, height in ((upper, 1.0), (~upper, below)):
         ends = np.isclose(y[body], y[body].min()) | np.isclose(y[body], y[body].max())
@@ -584,7 +585,7 @@ def disc(count):
     return mesh
 
 
-def ball(count, velocity=-0.02, density=1.0, weight=0.0, *, nonlinear=False, **more):
+def ball(count, velocity=-0.02, density=1.0, weight=0.0, *, nonlinear=False, shape=None, **more):
     """A disc above a floor, linear or of a neo-Hookean material that is so at small strains, and the
     state that it begins with.
     """
@@ -598,6 +599,8 @@ def ball(count, velocity=-0.02, density=1.0, weight=0.0, *, nonlinear=False, **m
     L = ufl.inner(fem.Constant(mesh, (0.0, -weight)), v) * ufl.dx
     below = dmesh.locate_entities_boundary(mesh, 1, lambda x: x[1] < -0.5)
     floor = Foundation(below, gap=lambda x: x[1] + 1.0, direction=(0.0, -1.0))
+    if shape is not None:
+        floor = Foundation(below, shape=shape)
     more |= {"contact": floor}
     more["density"] = density(u, v) if isinstance(density, FunctionType) else density
     if nonlinear:
@@ -680,6 +683,33 @@ def test_a_nonlinear_disc_bounces(velocity, lost):
         ours, theirs = ([each[name] for each in both] for both in (figures, linear))
         assert_allclose(ours, theirs, atol=1e-3 * max(theirs))
     assert max(map(abs, errors)) < 1e-6
+
+
+def test_a_rubber_block_tumbles_onto_a_floor():
+    """It turns by half a circle in flight, with its moment of momentum, and by gravity meets the
+    floor with one side after the other.
+    """
+    floor = plane_shape([0.0, -0.7], [0.0, 1.0])
+    entries = {
+        **SOFT,
+        "material": of_law("neo-hooke", young=50.0),
+        "inertia": {"time_step": np.pi / 40},
+        "initial_velocity": [{"rotation": 1.0, "about": [0.5, 0.25]}],
+        "contact": [{"boundary": one, "foundation": floor} for one in ("bottom", "right", "top")],
+        "load_steps": {"times": [0.0, np.pi]},
+    }
+    solution = solve(changed(BLOCK, **entries))
+    places = solution.displacement.function_space.tabulate_dof_coordinates()[:, :2]
+    arm = places + solution.displacement.x.array.reshape(-1, 2) - [0.5, 0.25]
+    _, mass = _mass(solution.model)
+    momentum = _times(mass, solution.state.fields["velocity"].values.ravel()).reshape(-1, 2)
+    turning = arm[:, 0] @ momentum[:, 1] - arm[:, 1] @ momentum[:, 0]
+    assert turning == pytest.approx(0.5 * (1.0 + 0.25) / 12, rel=1e-10)
+    assert_allclose(momentum.sum(axis=0), 0.0, atol=1e-12)
+    assert not [one for one in solution.findings if one.level == "warning"]
+    fallen = solve(changed(BLOCK, **{**entries, "gravity": {"y": -1.0}}))
+    assert max(figures["contact_loss"] for _, figures in told(fallen)) > 1e-3
+    assert fallen.last_step.certificate.holds
 
 
 @pytest.mark.slow
@@ -840,6 +870,9 @@ def test_forms_refuse(nonlinear):
     for density in (-1.0, "7800", fem.Function(problem.u.function_space)):
         with pytest.raises(FormError, match="density"):
             ball(4, density=density, nonlinear=nonlinear)
+    plate = tool()["foundation"]
+    with pytest.raises(FormError, match="density: rigid bodies that forces move have no mass in"):
+        ball(4, nonlinear=nonlinear, shape=plate)
     if nonlinear:
         with pytest.raises(FormError, match="what a material remembers is not possible yet"):
             ball(4, nonlinear=True, update=lambda: None)
