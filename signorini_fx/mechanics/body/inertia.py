@@ -48,10 +48,10 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 )
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
 from signorini_fx.mechanics.rigid.moving_masses import (
-    energy_of_springs,
+    energy,
     free_motion,
     in_middle,
-    kinetic_energy,
+    masses,
     mean_loads,
     moved_on,
     refuse_massless,
@@ -232,7 +232,7 @@ class MidpointRule(StepEffect):
             if not moves:
                 return 0.0
             begun.x.array[:] = state.displacement
-            aim.x.array[:] = state.displacement + dt * state.fields["velocity"].values.ravel()
+            aim.x.array[:] = state.displacement + dt * _velocity(state)
             return -_half_change(loads, state)
 
         def in_middle(form: Any) -> Any:
@@ -249,7 +249,7 @@ class MidpointRule(StepEffect):
         # Counted from u_n displacements are small, and so is their round-off times gamma.
         for form in model.forms[:-1]:
             forces -= _action(form, model.space, state.displacement)
-        forces += 2.0 / dt * _times(matrix, state.fields["velocity"].values.ravel())
+        forces += 2.0 / dt * _times(matrix, _velocity(state))
         held = model.vector(state.displacement)
         held.getArray()[: model.fixed.size][~model.fixed] = 0.0
         driven = None
@@ -270,7 +270,7 @@ class MidpointRule(StepEffect):
             return replace(contact, reference=state.displacement)
         if not contact.linear:
             return self._persistent(contact, state, dt)
-        velocity = state.fields["velocity"].values.ravel()
+        velocity = _velocity(state)
         u, _ = model.contact.traces(model.unknowns_at(state.displacement, state.rigid))
         v, _ = model.contact.traces(model.unknowns_at(velocity, velocity_of(state)))
         moved = np.zeros_like(contact.gap)
@@ -319,7 +319,7 @@ class MidpointRule(StepEffect):
         dim = model.dimension
         owned = model.fixed.size
         factor = 4.0 / dt**2
-        velocity = state.fields["velocity"].values.ravel()
+        velocity = _velocity(state)
         kinetic = 0.5 * _times(matrix, velocity) * velocity[:owned]
         space = model.space
         resisting = factor * _action(mass, space, y - _aim(state, dt))
@@ -388,9 +388,8 @@ class MidpointRule(StepEffect):
                 gammas=(0.5 * new.gammas[0], 0.5 * new.gammas[1]),
             )
             new = moved_on(model.rigid, state, new, ended.loads.drives, ended.dt)
-        moving = [state.fields["velocity"].values.ravel(), velocity]
-        kinetic = [_kinetic(model, one) for one in moving]
-        of_rigid = [kinetic_energy(model.rigid, velocity_of(one)) for one in (state, new)]
+        kinetic = [_kinetic(model, one) for one in (_velocity(state), velocity)]
+        of_rigid = [energy(model.rigid, velocity_of(one)) for one in (state, new)]
         energies[0] = max(energies[0], *np.add(kinetic, of_rigid), *np.abs(energies[1:]))
         new = new.with_field("energy", "global", energies)
         return new.with_field("velocity", "dofs", velocity)
@@ -408,19 +407,19 @@ class MidpointRule(StepEffect):
                 return float(_energies(of)[1])
             u = of.displacement
             forces = sum(_action(form, model.space, u) for form in static)
-            springs = energy_of_springs(model.rigid, of.rigid, factor)
+            springs = energy(rigid, of.rigid, rigid.stiffness - factor * masses(rigid))
             return 0.5 * _sum(model, np.asarray(forces) @ u[:owned]) + springs
 
         if "velocity" not in new.fields:
             return {}
-        end = _kinetic(model, new.fields["velocity"].values.ravel())
-        of_rigid = kinetic_energy(rigid, velocity_of(new))
+        end = _kinetic(model, _velocity(new))
+        of_rigid = energy(rigid, velocity_of(new))
         energies = {"kinetic_energy": end + of_rigid, "strain_energy": strain(new)}
         if not moves:
             return {**energies, "contact_loss": 0.0, "energy_error": 0.0}
         _, free = _velocities_of(state, ended)
-        before = _kinetic(model, state.fields["velocity"].values.ravel())
-        before += kinetic_energy(rigid, velocity_of(state)) - of_rigid
+        before = _kinetic(model, _velocity(state))
+        before += energy(rigid, velocity_of(state)) - of_rigid
         unheld = _kinetic(model, free)
         step = (new.displacement - state.displacement)[:owned]
         work = _sum(model, (ended.loads.forces - _half_change(ended.loads.forces, state)) @ step)
@@ -556,6 +555,11 @@ def _strain_work(ended: StepEnd, begin: Array, end: Array) -> float:
     return _sum(ended.model, 0.5 * (weights @ forces) @ way[: ended.model.fixed.size])
 
 
+def _velocity(state: State) -> Array:
+    """The velocities of the dofs of this rank, ghosts included, shape (dofs,)."""
+    return state.fields["velocity"].values.ravel()
+
+
 def _with_ghosts(model: Model, owned: Array) -> Array:
     """Values at all dofs of this rank from those that it owns; collective."""
     function = fem.Function(model.space)
@@ -572,7 +576,7 @@ def _aim(state: State, dt: float) -> Array:
     """Return the displacement to which the old velocity leads in half a step, length, shape
     (dofs,).
     """
-    return state.displacement + 0.5 * dt * state.fields["velocity"].values.ravel()
+    return state.displacement + 0.5 * dt * _velocity(state)
 
 
 def _half_change(forces: Any, state: State) -> Any:
@@ -589,7 +593,7 @@ def _velocities_of(state: State, ended: StepEnd) -> tuple[Array, Array]:
     """The mean velocity of a step, and that at its end if nothing holds, shapes (dofs,)."""
     way = ended.solved - state.displacement
     mean = np.asarray((2.0 if ended.internal is None else 1.0) * way / ended.dt)
-    return mean, 2.0 * mean - state.fields["velocity"].values.ravel()
+    return mean, 2.0 * mean - _velocity(state)
 
 
 def _held_change(model: Model, new: State, change: Array) -> Array:

@@ -135,12 +135,7 @@ def free_motion(rigid: RigidBodies, values: Array) -> Array:
     return np.where(rigid.fixed, 0.0, values) if rigid.bodies else values
 
 
-def kinetic_energy(rigid: RigidBodies, velocity: Array) -> float:
-    """The kinetic energy of the motions that are free."""
-    return float(0.5 * masses(rigid) @ free_motion(rigid, velocity) ** 2)
-
-
-def energy_of_springs(rigid: RigidBodies, at: Array, factor: float) -> float:
-    """The energy of springs without those that stand for a factor times the masses."""
-    stiffness = rigid.stiffness - factor * masses(rigid)
-    return float(0.5 * stiffness @ free_motion(rigid, at) ** 2)
+def energy(rigid: RigidBodies, values: Array, stiffness: Array | None = None) -> float:
+    """The energy of the motions that are free, of springs or, None, of the masses at velocities."""
+    weights = masses(rigid) if stiffness is None else stiffness
+    return float(0.5 * weights @ free_motion(rigid, values) ** 2)
