@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import floor
+from math import floor, inf
 from typing import ClassVar
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -63,9 +63,9 @@ class PathIncrements:
         self.reached = place
         self.increment = self.nominal if self.path.steps is not None else 1.0
 
-    def halve(self) -> None:
-        """The next load step has no solution."""
-        self.increment = (self.next - self.reached) / 2
+    def halve(self, place: float) -> None:
+        """The next step, to a place, has no solution."""
+        self.increment = (place - self.reached) / 2
 
     def resume(self, position: Mapping[str, float]) -> None:
         """Go on from where an earlier run has come to, see ``stored``."""
@@ -155,13 +155,13 @@ class Increments(PathIncrements):
             self.increment = 2 * self.increment
             self.easy = 0
 
-    def shorten(self, status: Status) -> bool:
-        """Halve the increment, as the next load step ended with ``status``; whether a smaller one
-        may be tried.
+    def shorten(self, status: Status, place: float) -> bool:
+        """Halve the increment, as the next step, to a place, ended with ``status``; whether one that
+        is smaller may be tried.
         """
         if self._is_final(status) or self._encloses:
             return False
-        self.halve()
+        self.halve(place)
         self.easy = 0
         return True
 
@@ -185,11 +185,16 @@ class HalvedIncrements(PathIncrements):
     # ``last``: linear solves of the last load step, 0: there was none.
     stored_names = (*PathIncrements.stored_names, "last")
     last = 0
+    cut = inf  # the shortest time step that effects have asked for and that has failed
+
+    @property
+    def _least(self) -> float:
+        return ENCLOSED * min(self.nominal, self.cut)
 
     @property
     def may_halve(self) -> bool:
         """Whether a smaller step than the next one may be tried."""
-        return (self.next - self.reached) / 2 >= ENCLOSED * self.nominal
+        return (self.next - self.reached) / 2 >= self._least
 
     @property
     def allowed(self) -> int | None:
@@ -211,15 +216,17 @@ class HalvedIncrements(PathIncrements):
         self.reached = place
         self.last = linear_solves
         increment = self.increment * (2 if iterations <= FEW_NEWTON_ITERATIONS else 1)
-        self.increment = min(max(increment, ENCLOSED * self.nominal), self.nominal)
+        self.increment = min(max(increment, self._least), self.nominal)
 
-    def shorten(self, status: Status | None) -> bool:
-        """Halve the increment, as the next load step ended with ``status``, None: with an error;
-        whether a smaller one may be tried.
+    def shorten(self, status: Status | None, place: float) -> bool:
+        """Halve the increment, as the next step, to a place, ended with ``status``, None: with an
+        error; whether a smaller one may be tried.
         """
+        if place < self.next:
+            self.cut = min(self.cut, place - self.reached)
         may_halve = self.may_halve and status not in FINAL
         if may_halve:
-            self.halve()
+            self.halve(place)
         return may_halve
 
 

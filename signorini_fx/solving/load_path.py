@@ -77,7 +77,7 @@ def run(
         for new, report, at, time in time_steps(problem, state, way.reached, place, solve):
             status = report.status
             if status is not Status.CONVERGED:
-                if not history.exhausted and way.shorten(status):
+                if not history.exhausted and way.shorten(status, at):
                     history.add(f"{report}: half the increment")
                     continue
                 if bracket := way.bracket(status):

@@ -36,13 +36,17 @@ from signorini_fx.machine.result_files import read_csv
 from signorini_fx.mechanics.body.inertia import _mass, _times
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
-from signorini_fx.records import StepRecord
+from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.solving.increments import HalvedIncrements
 from signorini_fx.solving.step import _added_forces, begun, step
+from signorini_fx.tuned import ENCLOSED
 
 # A bar of c = rho = E = 1 and length 1 that meets a wall: pressure 1 (in units of the velocity) for
 # the time 2.
@@ -710,6 +714,22 @@ def test_a_rubber_block_tumbles_onto_a_floor():
     fallen = solve(changed(BLOCK, **{**entries, "gravity": {"y": -1.0}}))
     assert max(figures["contact_loss"] for _, figures in told(fallen)) > 1e-3
     assert fallen.last_step.certificate.holds
+
+
+def test_a_time_step_without_a_solution_is_halved():
+    """It, and not the load step that it is a part of, down to the share that increments of loads
+    have; the message names the time that was reached.
+    """
+    way = HalvedIncrements(LoadPath((0.0, 1.0)))
+    way.begin_at(0.0)
+    tried = [0.01]
+    while way.shorten(Status.NOT_SOLVED, tried[-1]):
+        tried.append(way.next)
+    assert_allclose(tried, 0.01 / 2.0 ** np.arange(len(tried)))
+    assert 0.5 < tried[-1] / (0.01 * ENCLOSED) < 2.0
+    squeezed = of_law("saint-venant-kirchhoff", young=1.0)
+    with pytest.raises(ConvergenceError, match=r"inside out: at .* a solution at time 0"):
+        solve(changed(BAR, material=squeezed, initial_velocity=[{"y": -0.4}]))
 
 
 @pytest.mark.slow

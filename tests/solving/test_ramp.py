@@ -120,7 +120,7 @@ def walk(path, limit, solves=2, most=200):
             path.advance(path.next, solves)
             if path.ended:
                 return tried
-        elif not path.shorten(Status.SLIDES):
+        elif not path.shorten(Status.SLIDES, path.next):
             return tried
     raise AssertionError("no end")
 

@@ -220,17 +220,17 @@ def solve_path(
     way = problem.way
     assert way is not None
     solver.begin_path()
-    last = "there is no solution before it"
+    first = way.reached
     for new, ended in run(problem, state, way, stored=stored):
         if ended.status is Status.CONVERGED:
-            last = ""
             on_step(ended)
         solver.start(new)
     if ended.status is Status.CONVERGED:
         return "", ""
     path = problem.path
     end, reached = (f"time {path.time_at(place):g}" for place in (way.next, way.reached))
-    if not last:
+    last = "there is no solution before it"
+    if way.reached > first:
         last = f"there is a solution at {reached}{problem.held(way.reached, way.next)}"
     if (error := getattr(ended, "error", None)) is not None:
         reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
