@@ -156,8 +156,8 @@ class Increments(PathIncrements):
             self.easy = 0
 
     def shorten(self, status: Status, place: float) -> bool:
-        """Halve the increment, as the next step, to a place, ended with ``status``; whether it may be
-        tried.
+        """Halve the increment, as the step to a place ended with ``status``; whether a smaller one
+        may be tried.
         """
         if self._is_final(status) or self._encloses:
             return False
