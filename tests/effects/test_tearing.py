@@ -273,8 +273,8 @@ def test_told(facet, strength, zone, level):
     assert finding.level == level
     assert f"process zone of about {zone}" in finding.message
     assert any(" of 7" in each.message for each in told)
-    jumps = [each for each in told if "breaks in jumps" in each.message]
-    assert len(jumps) == (level == "warning")
+    (jumps,) = [each for each in told if "breaks in jumps" in each.message]
+    assert jumps.level == level
     columns = solution.table.columns
     assert columns["damage"][0] == 1.0
     assert columns["opening"][0] == pytest.approx(4.0, rel=1e-2)
