@@ -37,6 +37,7 @@ from signorini_fx.mechanics.effects.loads import Rotation as Rotation
 from signorini_fx.mechanics.effects.loads import Springs as Springs
 from signorini_fx.mechanics.effects.loads import Temperature as Temperature
 from signorini_fx.mechanics.effects.loads import Traction as Traction
+from signorini_fx.mechanics.effects.seeping import Seeping as Seeping
 from signorini_fx.mechanics.effects.wear import Archard as Archard
 from signorini_fx.mechanics.interfaces import Foundation as Foundation
 from signorini_fx.mechanics.interfaces import Pair as Pair

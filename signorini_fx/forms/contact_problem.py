@@ -28,7 +28,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 if TYPE_CHECKING:
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-    from signorini_fx.mechanics.contact_points.contact_map import ContactMap
+    from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
     from signorini_fx.mechanics.state import State
     from signorini_fx.mechanics.step_effect import StepEffect
     from signorini_fx.quantities.differentiable import Gradient
@@ -171,7 +171,7 @@ class ProblemOfForms:
         """
         self.assembled.foundations.place(number, placement)
 
-    def map(self, space: fem.FunctionSpace) -> ContactMap:
+    def map(self, space: fem.FunctionSpace) -> ScalarMap:
         """Return what takes values at nodes, such as temperatures, to the contact points of the
         last solve, and brings back what acts there; collective.
 
@@ -182,9 +182,9 @@ class ProblemOfForms:
             FormError: the space is another one.
             RuntimeError: there is no solution so far.
         """
-        from signorini_fx.mechanics.contact_points.contact_map import ContactMap
+        from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
 
-        return ContactMap(self.state.boundary, space)
+        return ScalarMap(self.state.boundary, space)
 
     def advance(self) -> None:
         """End a step of an own time loop: friction acts on what the next solve adds to the slip,

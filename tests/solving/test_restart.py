@@ -292,6 +292,8 @@ def assert_same(solution, reference, tolerance=1e-8):
 ELLIPSE = IN_SPACE.replace(
     "coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]"
 )
+SEEPING = PUSHED.replace("1e-4 * (x[0] - 1.5)**2", "where(x[0] < 0.4, 0.01, 0)")
+SEEPING += 'seeping = { pressure = "t", side = "left" }\n'
 STORES = "density = 2.0\nspecific_heat = 3.0\n"
 # A scene, its method, and the step that is not begun any more.
 IN_TIME = PUSHED.replace("coefficient = 0.3", 'coefficient = "0.3 + 0.01 * t"')
@@ -312,6 +314,8 @@ CASES = {
     "tool, alm": (TOOL, "alm", 3),
     # What is worn, and the slip that wears it.
     "wear": (f"{PUSHED}wear.coefficient = 1e-5\n", "fp", 4),
+    # Which points a fluid has reached.
+    "seeping": (SEEPING, "fp", 4),
     "mixed": (PUSHED.replace("nx = 24", "nx = 12") + MIXED, "fp", 4),
     "moving": (MOVING, "fp", 3),
     "spinning": (SPINNING, "fp", 3),
@@ -329,7 +333,9 @@ CASES = {
 @pytest.mark.parametrize(
     "name",
     [
-        name if name in ("fp", "tool", "torn", "wear", "heated", "warming") else slow(name)
+        name
+        if name in ("fp", "tool", "torn", "wear", "heated", "warming", "seeping")
+        else slow(name)
         for name in CASES
     ],
 )

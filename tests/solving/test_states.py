@@ -99,6 +99,7 @@ QUICK = (
     "torn",
     "heated",
     "warming",
+    "seeping",
 )
 NAMES = [name if name in QUICK else slow(name) for name in TEXTS]
 

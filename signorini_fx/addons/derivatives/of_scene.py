@@ -59,6 +59,7 @@ REFUSES = {
     "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
     "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",
     "heat": "derivatives are not possible yet with heat: remove 'heat'",
+    "seeping": "derivatives are not possible yet with a fluid that seeps in: remove 'seeping'",
     "wear": "derivatives are not possible yet with wear: remove 'wear'",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "driven foundation": "derivatives are not possible yet where a force moves it",

@@ -37,8 +37,8 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     marked_nodes,
     node_positions,
 )
-from signorini_fx.mechanics.contact_points.contact_map import ContactMap
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
 from signorini_fx.mechanics.effects.heat import Heat
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, measures
 from signorini_fx.mechanics.model import Model, sum_of
@@ -87,7 +87,7 @@ class PassedHeat:
     beyond: Array
     friction: Array
     share: Array
-    map: ContactMap
+    map: ScalarMap
 
     @classmethod
     def of(cls, model: Model, contact: ContactState, time: float, dt: float) -> Self:
@@ -107,7 +107,7 @@ class PassedHeat:
             if (heated := entry.friction_heat) is not None:
                 friction[on] = heated.fraction * contact.friction_energy[on] / dt
                 share[on] = heated.share
-        to_points = ContactMap(contact.boundary, Conductor.of(model).space)
+        to_points = ScalarMap(contact.boundary, Conductor.of(model).space)
         return cls(conductance, beyond, friction, share, to_points)
 
     def jump(self, values: Array) -> Array:
@@ -446,7 +446,7 @@ class Conduction(StepEffect):
             joints = [entry.conductance for entry in model.contacts]
             conducts = np.array([joint is not None for joint in joints])[boundary.part] * 1.0
             zero = np.zeros(boundary.size)
-            to_points = ContactMap(boundary, Conductor.of(model).space)
+            to_points = ScalarMap(boundary, Conductor.of(model).space)
             passed = PassedHeat(conducts, zero, zero, zero, to_points)
         return Conductor.of(model).undetermined(passed)
 

@@ -157,6 +157,7 @@ class Contact(Effect):
         cohesion: a bond of both sides that can tear, ``Cohesion``; None: there is none.
         conductance: of heat, ``Conductance``; None: no heat passes.
         friction_heat: what friction heats, ``FrictionHeat``; None: nothing.
+        seeping: a fluid that presses where contact opens, ``Seeping``; None: there is none.
 
     Examples:
         >>> contact = sfx.Contact(boundary="bottom", gap="0.001*x[0]")
@@ -184,6 +185,7 @@ class Contact(Effect):
     cohesion: Part = None
     conductance: Part = None
     friction_heat: Part = None
+    seeping: Part = None
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:

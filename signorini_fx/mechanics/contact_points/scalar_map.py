@@ -19,7 +19,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 
 
 @dataclass(frozen=True)
-class ContactMap:
+class ScalarMap:
     """B, from values at nodes to those at the n contact points of this rank: of a pair of bodies
     those of the side with the points less those of the other side, whose rows have the sum zero, of
     a foundation those of the body.
