@@ -85,6 +85,8 @@ class AddedForces:
         energy: another energy that stresses may come from, such as the kinetic one, shape (owned
             nodes,).
         drives: what drives rigid bodies, in place of that of the end of the step; empty: that.
+        named: what of these forces results show, each with the name of a boundary, None: the body,
+            what acts there, and the forces, shape (owned nodes, d).
     """
 
     resisting: Array
@@ -93,6 +95,7 @@ class AddedForces:
     lost: Array
     energy: Array
     drives: Sequence[Drive] = ()
+    named: Sequence[tuple[str | None, str, Array]] = ()
 
 
 @dataclass(frozen=True)

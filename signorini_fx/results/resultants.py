@@ -98,11 +98,9 @@ class ActingForces:
     displaced: bool = False  # whether they act at the displaced points
 
     def with_added(self, added: AddedForces) -> ActingForces:
-        """Return the same with the forces of an effect in time, of which those that resist motion
-        act in the body.
-        """
-        resisting = None, "inertia", -added.resisting
-        return replace(self, balance=self.balance.with_added(added), loads=[*self.loads, resisting])
+        """Return the same with the forces of an effect in time."""
+        loads = [*self.loads, *added.named]
+        return replace(self, balance=self.balance.with_added(added), loads=loads)
 
 
 @dataclass(frozen=True, repr=False)

@@ -279,6 +279,8 @@ def ended(
         if linear and any(effect.overrides("solved") for effect in problem.effects):
             acting = _forces_of(problem, state, report)
             result = replace(_at_the_end(problem, report, new), acting=acting)
+        elif linear and any(effect.overrides("forces") for effect in problem.effects):
+            result = replace(result, acting=_forces_of(problem, state, report))
     return new, replace(report, result=replace(result, figures=figures))
 
 

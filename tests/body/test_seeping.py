@@ -61,6 +61,7 @@ def test_bears(more):
     assert figures["fluid_area"] == pytest.approx(area, rel=1e-9)
     assert figures["fluid_force"] == pytest.approx(1.5 * area, rel=1e-9)
     assert solution.contact.forces[0][-1] == pytest.approx(4.0 - 1.5 * area, rel=1e-9)
+    assert_allclose(sum(each.force for each in solution.resultants.every()), 0.0, atol=1e-9)
 
 
 def test_by_forces():

@@ -322,11 +322,12 @@ class MidpointRule(StepEffect):
         velocity = _velocity(state)
         kinetic = 0.5 * _times(matrix, velocity) * velocity[:owned]
         space = model.space
-        resisting = factor * _action(mass, space, y - _aim(state, dt))
+        resisting = factor * _action(mass, space, y - _aim(state, dt)).reshape(-1, dim)
         lost = np.finfo(float).eps * factor * _action(mass, space, np.abs(y))
         prescribed = 0.5 * (state.displacement + loads.prescribed)[:owned]
         return AddedForces(
-            resisting=resisting.reshape(-1, dim),
+            resisting=resisting,
+            named=[(None, "inertia", -resisting)],
             loads=-_half_change(loads.forces, state).reshape(-1, dim),
             prescribed=prescribed.reshape(-1, dim),
             lost=lost.reshape(-1, dim),

@@ -48,26 +48,43 @@ class SeepingFluids(StepEffect):
     # --- a step ---
 
     def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
-        return model.case(loads.forces + self._forces(model, state, dt), loads.prescribed)
+        pressed = sum(self._forces(model, state, dt).values(), np.zeros(1))
+        return model.case(loads.forces + pressed, loads.prescribed)
 
     def forces(
         self, model: Model, loads: Loads, state: State, dt: float, y: Array
     ) -> AddedForces | None:
-        pressed = self._forces(model, state, dt).reshape(-1, model.dimension)
-        none = np.zeros_like(pressed)
-        prescribed = loads.prescribed[: pressed.size].reshape(pressed.shape)
-        return AddedForces(none, pressed, prescribed, none, none[:, 0])
+        dim = model.dimension
+        owned = model.fixed.size // dim
+        prescribed = loads.prescribed[: owned * dim].reshape(-1, dim)
+        total = np.zeros_like(prescribed)
+        named = list[tuple[str | None, str, Array]]()
+        for number, forces in self._forces(model, state, dt).items():
+            contact = model.contacts[number]
+            pressed = forces.reshape(-1, dim)
+            total = total + pressed
+            nodes = facet_nodes(model.space, model.tagged.facets(contact.boundary)).ravel()
+            own = marked_nodes(model.space, nodes)[:owned, None]
+            named.append((contact.boundary, "fluid", pressed * own))
+            if contact.against is not None:
+                named.append((contact.against, "fluid", pressed * ~own))
+        none = np.zeros_like(total)
+        return AddedForces(none, total, prescribed, none, none[:, 0], named=named)
 
-    def _forces(self, model: Model, state: State, dt: float) -> Array:
-        """The forces of fluids on the owned nodes, shape (owned dofs,); collective."""
+    def _forces(self, model: Model, state: State, dt: float) -> dict[int, Array]:
+        """The forces of each fluid on the owned nodes, shape (owned dofs,); collective."""
         boundary = model.boundary
         assert boundary is not None
-        pressure = self._pressure(boundary, state.time + dt) * _wet(boundary, state)
-        at_points = -boundary.nodal_forces(pressure, np.zeros((boundary.size, model.dimension - 1)))
         averages = boundary.averages
-        at_nodes = (averages.operator.T @ at_points.ravel()).reshape(averages.x.shape)
-        owned = model.fixed.size // model.dimension
-        return to_owners(at_nodes, averages.nodes, model.comm, owned).ravel()
+        pressure = self._pressure(boundary, state.time + dt) * _wet(boundary, state)
+        no_shear = np.zeros((boundary.size, model.dimension - 1))
+        forces = dict[int, Array]()
+        for number in self.parts:
+            at_points = -boundary.nodal_forces(pressure * (boundary.part == number), no_shear)
+            at_nodes = (averages.operator.T @ at_points.ravel()).reshape(averages.x.shape)
+            owned = model.fixed.size // model.dimension
+            forces[number] = to_owners(at_nodes, averages.nodes, model.comm, owned).ravel()
+        return forces
 
     def _pressure(self, boundary: ContactBoundary, time: float) -> Array:
         """The pressure that a fluid has at each point that it reaches, stress, shape (n,)."""
@@ -95,7 +112,7 @@ class SeepingFluids(StepEffect):
             nodes = facet_nodes(model.space, facets.astype(np.int32)).ravel()
             own = marked_nodes(model.space, nodes)[boundary.nodes] & (boundary.part == number)
             if not parallel.any_rank(boundary.comm, own):
-                name = model.statement.contact[number].boundary
+                name = model.contacts[number].boundary
                 reason = f"{part.side!r} has no node of {name!r}: name a boundary that it ends at"
                 raise SceneError.at(f"contact[{number}].seeping.side", reason)
             at_side |= own
