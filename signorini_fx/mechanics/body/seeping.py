@@ -62,7 +62,7 @@ class SeepingFluids(StepEffect):
         for number, forces in self._forces(model, state, dt).items():
             contact = model.contacts[number]
             pressed = forces.reshape(-1, dim)
-            total = total + pressed
+            total += pressed
             nodes = facet_nodes(model.space, model.tagged.facets(contact.boundary)).ravel()
             own = marked_nodes(model.space, nodes)[:owned, None]
             named.append((contact.boundary, "fluid", pressed * own))
