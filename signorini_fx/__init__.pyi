@@ -1,6 +1,7 @@
 # The public names: one line each, which type checkers read here and `__init__.py` when it is imported.
 # fmt: off
 # isort: skip_file
+from signorini_fx.addons.derivatives.calibration import calibrate as calibrate
 from signorini_fx.addons.derivatives.of_scene import sensitivity as sensitivity
 from signorini_fx.addons.judging.judge import judge as judge
 from signorini_fx.addons.pictures.plot import plot as plot

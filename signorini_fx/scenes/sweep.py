@@ -8,9 +8,11 @@ gaps and friction of rigid foundations differ it has the condensed elastic syste
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, suppress
 from itertools import product
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -219,20 +221,34 @@ class SweepFolder(ResultFolder):
         """
         self.rows = parallel.on_root(self._comm, self._stored)
 
-    def store(self, solution: Solution) -> dict[str, Any]:
-        """Write the next result, and return its row."""
-        first = not self.rows
-        number = len(self.rows) + 1
-        if first:
+    def solved(
+        self, scene: Scene, jobs: int, begin: Callable[[], None]
+    ) -> Iterator[dict[str, Any]]:
+        """Solve what is left, write each result, and yield its row; ``jobs``: so many processes of
+        one rank side by side, each of which begins with ``begin``.
+        """
+        done = len(self.rows)
+        left = list(enumerate(self._changes))[done:]
+        if not done:
             parallel.on_root(self._comm, self._remove_older)
-        write_results(solution, self.path / f"{number:03d}", fields=False, pictures=False)
-        self.rows.append(row_of(self._changes[number - 1], solution))
-        parallel.on_root(self._comm, self._write)
-        if first:
-            self.commit()
-        else:
-            self.add()
-        return self.rows[-1]
+        points = [(scene, change, self.path / f"{number + 1:03d}") for number, change in left]
+        with ExitStack() as ends:
+            if jobs > 1:
+                spawn = get_context("spawn")
+                pool = ends.enter_context(ProcessPoolExecutor(jobs, spawn, initializer=begin))
+                ends.callback(pool.shutdown, wait=False, cancel_futures=True)
+                rows = pool.map(_solved_alone, points)
+            else:
+                solutions = solutions_of(scene, [change for _, change in left], self._comm)
+                rows = map(_written, solutions, points)
+            for row in rows:
+                self.rows.append(row)
+                parallel.on_root(self._comm, self._write)
+                if len(self.rows) == 1:
+                    self.commit()
+                else:
+                    self.add()
+                yield row
 
     def _remove_older(self) -> None:
         """Remove the results of the values of an earlier sweep."""
@@ -259,6 +275,20 @@ class SweepFolder(ResultFolder):
                 reason = "is another one in the sweep to go on from: leave out --restart"
                 raise SceneError.at(key, reason)
         return list(stored["rows"])
+
+
+def _written(solution: Solution, point: tuple[Scene, Mapping[str, Any], Path]) -> dict[str, Any]:
+    """Write the result of a combination of values, and return its row; collective."""
+    _, change, folder = point
+    write_results(solution, folder, fields=False, pictures=False)
+    return row_of(change, solution)
+
+
+def _solved_alone(point: tuple[Scene, Mapping[str, Any], Path]) -> dict[str, Any]:
+    """Solve a combination of values in a process of its own."""
+    scene, change, _ = point
+    (solution,) = solutions_of(scene, [change], MPI.COMM_SELF)
+    return _written(solution, point)
 
 
 def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:

@@ -44,6 +44,23 @@ def killed_after(monkeypatch, count):
     return solves
 
 
+@pytest.mark.slow
+def test_jobs_side_by_side(sweep, tmp_path):
+    """The table and the folders are those of one process, and another run goes on from them."""
+    assert sweep("0.1:0.3:3") == 0
+    table = (tmp_path / "out/sweep.csv").read_text()
+    assert sweep("0.1:0.3:3", "--jobs", "2") == 0
+    new = [line.split(",") for line in (tmp_path / "out/sweep.csv").read_text().splitlines()]
+    old = [line.split(",") for line in table.splitlines()]
+    assert new[0] == old[0]
+    force = new[0].index("contact_force")
+    for row, former in zip(new[1:], old[1:], strict=True):
+        assert row[:2] == former[:2]
+        assert float(row[force]) == pytest.approx(float(former[force]), rel=1e-6)
+    assert (tmp_path / "out/003/summary.json").is_file()
+    assert sweep("0.1:0.3:3", "--jobs", "2", "--restart") == 0
+
+
 def test_a_killed_sweep_goes_on(sweep, tmp_path, monkeypatch, capfd):
     """What is complete is there, is not solved again, and the table is that of a whole run."""
     assert sweep("0.1:0.4:4") == 0

@@ -47,7 +47,8 @@ from signorini_fx.tuned import (
 
 GROUND = "#dcdcdc"
 _LABELS = 0.8  # inches beside the body
-_SEEN = 400  # pixels across a picture in which parts are looked for
+# Pixels across a picture in which parts are looked for, and least ones from the rim of a part.
+_SEEN, _LEAST_SEEN = 400, 3
 _WITHOUT_DISPLAY = (
     9,
     4,
@@ -219,19 +220,21 @@ def figure_of(solid: Solid, *cameras: Camera, inch: float) -> tuple[Figure, list
 
 
 def seen_parts(solid: Solid, camera: Camera, count: int) -> dict[int, Array]:
-    """Return for each whole number of the field below ``count`` that is seen a place in the middle
-    of what is seen of it, in the picture, length, shape (2,).
+    """Return for each whole number of the field below ``count`` that is seen the place in the
+    picture that is farthest from the rim of what is seen of it, length, shape (2,).
     """
+    from scipy.ndimage import distance_transform_edt
+
     shades = np.arange(1, count + 1) * (2**24 // (count + 1))
     bytes_of = np.column_stack((shades >> 16, shades >> 8 & 255, shades & 255))
     plain = replace(solid, colours=ListedColormap(bytes_of / 255.0), edges=None)
     picture = image(plain, camera, _SEEN, plain=True).astype(np.int64)
     found = {}
     for number, colour in enumerate(bytes_of):
-        row, column = np.nonzero((np.abs(picture - colour) <= 1).all(axis=2))
-        if len(row) >= _SEEN // 4:
-            middle = np.hypot(row - row.mean(), column - column.mean()).argmin()
-            share = np.array([column[middle] + 0.5, row[middle] + 0.5]) / picture.shape[1::-1]
+        within = distance_transform_edt((np.abs(picture - colour) <= 1).all(axis=2))
+        row, column = np.unravel_index(within.argmax(), within.shape)
+        if within[row, column] >= _LEAST_SEEN:
+            share = np.array([column + 0.5, row + 0.5]) / picture.shape[1::-1]
             found[number] = (2.0 * share - 1.0) * (1.0, -1.0) * camera.half
     return found
 
@@ -270,6 +273,7 @@ def image(
     try:
         plotter.set_background("white")
         if plain:
+            plotter.render_window.SetMultiSamples(0)
             _add_body(plotter, _surface(solid.points, solid.triangles), solid, lighting=False)
         else:
             plotter.enable_anti_aliasing("ssaa")

@@ -8,6 +8,7 @@ import argparse
 import gc
 import json
 import os
+import signal
 import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -56,6 +57,12 @@ def _start_petsc(options: Sequence[str]) -> None:
         raise OptionsError(
             f"PETSc does not start with the options {' '.join(options)!r}: {error}"
         ) from None
+
+
+def _begin_job(petsc_options: Sequence[str]) -> None:
+    """Begin a process beside others, which leaves an interrupt from the keyboard to the first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _start_petsc(petsc_options)
 
 
 def _read_scene(
@@ -171,16 +178,18 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     paths = list(entries)
     scene = _read_scene(options, comm, leave_out=paths)
     combinations = study.combinations(entries)
+    if options.jobs > 1 and comm.size > 1:
+        raise OptionsError("--jobs is for one rank: leave mpirun out")
+    begin = partial(_begin_job, options.petsc_options)
     with study.SweepFolder(comm, path, scene, combinations) as folder:
         if options.restart:
             folder.recall()
         terminal.say_once(comm, study.heading(paths))
-        solutions = study.solutions_of(scene, combinations[len(folder.rows) :], comm)
         for row in folder.rows:
             terminal.say_once(comm, study.line_of(paths, row))
         try:
-            for solution in solutions:
-                terminal.say_once(comm, study.line_of(paths, folder.store(solution)))
+            for row in folder.solved(scene, options.jobs, begin):
+                terminal.say_once(comm, study.line_of(paths, row))
         except KeyboardInterrupt:
             done = f"{len(folder.rows)} of {len(combinations)} values are in {path}/"
             raise KeyboardInterrupt(f": {done}; --restart goes on from there") from None
@@ -191,6 +200,13 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
         if all(row["status"] == Status.CONVERGED.value for row in rows)
         else EXIT_NO_SOLUTION
     )
+
+
+def calibrate(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Print the values of entries of a scene with which it fits what was measured."""
+    scene = _read_scene(options, comm)
+    terminal.say_once(comm, str(add_on("calibrate")(scene, options.measured, options.by, comm)))
+    return EXIT_OK
 
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:

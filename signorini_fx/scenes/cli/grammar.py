@@ -81,6 +81,9 @@ def parser() -> argparse.ArgumentParser:
     sweep = commands.add_parser(
         "sweep", help="solve a scene for several values of some of its entries", epilog=epilog
     )
+    calibrate = commands.add_parser(
+        "calibrate", help="fit values of entries of a scene to measured results", epilog=epilog
+    )
     new = commands.add_parser(
         "new", help="write a scene file to start from, or one for a drawing or a mesh"
     )
@@ -148,9 +151,12 @@ def parser() -> argparse.ArgumentParser:
         "--restart", **flag, help="continue a killed sweep after its last complete value"
     )
     sweep.add_argument(
+        "-j", "--jobs", type=int, default=1, metavar="N", help="processes side by side (default: 1)"
+    )
+    sweep.add_argument(
         "-o", "--out", **folder, help="folder (default: results/sweep_NAME of the scene file)"
     )
-    for command in (solve, check, sweep):
+    for command in (solve, check, sweep, calibrate):
         command.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
         several = (
             "; with several values, FROM:TO:COUNT or A,B,C, of all combinations"
@@ -164,6 +170,12 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--set", action="append", type=parsed_setting, metavar="PATH=VALUE", help=entry
         )
+    calibrate.add_argument(
+        "measured", type=named_path, metavar="MEASURED", help="CSV: of, value, perhaps deviation"
+    )
+    calibrate.add_argument(
+        "--by", action="append", required=True, metavar="PATH", help="entry; may be repeated"
+    )
     new.add_argument(
         "file",
         **file,
