@@ -12,6 +12,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import side
 from mpi4py import MPI
+from on_meshes import hooke_stress, strain_of_section
 from scipy.integrate import quad
 from scipy.optimize import fsolve
 from scipy.special import ellipe, ellipk
@@ -22,12 +23,6 @@ COMM = MPI.COMM_WORLD
 YOUNG, RADIUS, LENGTH, PRESSURE, FRICTION = 1000.0, 1.5, 2.0, 10.0, 0.3
 
 
-def strain(y, r):
-    return ufl.sym(
-        ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3))
-    )
-
-
 def energy(space, poisson, young=YOUNG):
     """a(., .) of a revolution."""
     u, v, r = (
@@ -35,9 +30,8 @@ def energy(space, poisson, young=YOUNG):
         ufl.TestFunction(space),
         ufl.SpatialCoordinate(space.mesh)[0],
     )
-    e = strain(u, r)
-    stress = young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(3))
-    return ufl.inner(stress, strain(v, r)) * 2 * np.pi * r * ufl.dx(degree=6)
+    stress = hooke_stress(strain_of_section(u, r), young, poisson)
+    return ufl.inner(stress, strain_of_section(v, r)) * 2 * np.pi * r * ufl.dx(degree=6)
 
 
 def section(low, high, counts, kind="quadrilateral", degree=1):

@@ -8,7 +8,14 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, nodes, trial_and_test, vector_space
+from on_meshes import (
+    at_coordinate,
+    hooke_stress,
+    nodes,
+    strain_of_section,
+    trial_and_test,
+    vector_space,
+)
 from scene_tables import circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
@@ -86,11 +93,6 @@ def by_forms(solution, torque, friction, algorithm):
     space = vector_space(mesh, degree, 3)
     (u, v), r = trial_and_test(space), ufl.SpatialCoordinate(mesh)[0]
 
-    def strain(y):
-        return ufl.sym(
-            ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3))
-        )
-
     inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     top = dmesh.meshtags(mesh, 1, d.tagged.facets("top"), 1)
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=top)(1, degree=6)
@@ -98,7 +100,8 @@ def by_forms(solution, torque, friction, algorithm):
     axis = fem.locate_dofs_geometrical(space, at_coordinate(0, 0.0))
     held = [fem.dirichletbc(0.0, (3 * axis + k).astype(np.int32), space.sub(k)) for k in (0, 2)]
     floor = Foundation(d.tagged.facets("bottom"), friction=friction, measure=2 * np.pi * r)
-    stiffness = YOUNG * ufl.inner(strain(u), strain(v)) * 2 * np.pi * r * inside
+    strains = strain_of_section(u, r), strain_of_section(v, r)
+    stiffness = YOUNG * ufl.inner(*strains) * 2 * np.pi * r * inside
     problem = ContactProblem(stiffness, load, held, floor, algorithm=algorithm)
     problem.solve()
     return problem
@@ -318,22 +321,8 @@ def test_turned_on_a_sphere():
     assert torque == pytest.approx(3 * np.pi / 16 * FRICTION * force * a, rel=0.015)
     d = solution.model
     space = vector_space(d.tagged.mesh, 2, 3)
-    u, v, r = (
-        ufl.TrialFunction(space),
-        ufl.TestFunction(space),
-        ufl.SpatialCoordinate(d.tagged.mesh)[0],
-    )
-
-    def strain(y):
-        return ufl.sym(
-            ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3))
-        )
-
-    stress = (
-        YOUNG
-        / (1 + poisson)
-        * (strain(u) + poisson / (1 - 2 * poisson) * ufl.tr(strain(u)) * ufl.Identity(3))
-    )
+    (u, v), r = trial_and_test(space), ufl.SpatialCoordinate(d.tagged.mesh)[0]
+    stress = hooke_stress(strain_of_section(u, r), YOUNG, poisson)
     inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     moved = fem.Function(space)
     moved.interpolate(lambda x: np.stack((0 * x[0], 0 * x[0] - down, -angle * x[0])))
@@ -346,7 +335,7 @@ def test_turned_on_a_sphere():
     bottom, around = d.tagged.facets("bottom"), 2 * np.pi * r
     floor = Foundation(bottom, friction=Coulomb(FRICTION), measure=around, shape=ball)
     nothing = ufl.inner(fem.Constant(d.tagged.mesh, (0.0, 0.0, 0.0)), v) * ufl.dx
-    form = ufl.inner(stress, strain(v)) * around * inside
+    form = ufl.inner(stress, strain_of_section(v, r)) * around * inside
     problem = ContactProblem(form, nothing, held, floor, algorithm="alm")
     problem.solve()
     y = solution.displacement.x.array

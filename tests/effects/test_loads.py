@@ -18,6 +18,11 @@ from signorini_fx.scenes.solver import solve
 SOFT = {"young": YOUNG, "poisson": 0.0}
 
 
+def axes(cells):
+    """The letters of all axes."""
+    return "xy" if cells in PLANE else "xyz"
+
+
 def upwards(cells):
     """The axis against gravity, by its number and letter."""
     return (1, "y") if cells in PLANE else (2, "z")
@@ -32,7 +37,7 @@ def upwards(cells):
 def test_spread_of_a_total_force(cells, degree, axis):
     """In proportion to a value: the sum is the same, and it acts at the centroid of the value."""
     up, letter = upwards(cells)
-    held = {"boundary": "left", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
+    held = fixed("left", axes(cells))
     force = {"boundary": "right", "xyz"[axis]: 2.0, "spread": f"x[{up}]"}
     solution = solve(scene(body(cells), degree, displacement=held, force=force), COMM, check=False)
     found = solution.resultants.of("right")
@@ -54,7 +59,7 @@ def test_column_under_its_weight(cells, degree):
     """y = - rho g (H s - s^2 / 2) / E at the height s, by the density of its material."""
     up, letter = upwards(cells)
     density, gravity = 3.0, 9.81
-    held = {"boundary": "bottom", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
+    held = fixed("bottom", axes(cells))
     given = scene(
         body(cells),
         degree,
@@ -82,7 +87,7 @@ def test_rotating_bar(cells, degree):
     the free end.
     """
     density, speed, length = 2.0, 3.0, SIZE[0]
-    held = {"boundary": "left", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
+    held = fixed("left", axes(cells))
     axis = [0.0, 5.0, *([] if cells in PLANE else [0.0])]
     rotation = {
         "speed": speed,
@@ -134,7 +139,7 @@ def test_archimedes(cells, degree):
     weight, level = 2.5, 1.7
     sides = ["left", "right", "bottom", "top", *([] if cells in PLANE else ["front", "back"])]
     tagged = body(cells)
-    held = {"boundary": "bottom", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
+    held = fixed("bottom", axes(cells))
     water = [
         {"boundary": side, "level": level, "weight": weight}
         for side in sides
@@ -154,7 +159,7 @@ def test_water_at_a_wall(cells):
     """Up to a level within a facet: w h^2 / 2, at a third of the height; its upper part is dry."""
     up, letter = upwards(cells)
     weight, level = 2.5, 0.75
-    held = {"boundary": "bottom", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
+    held = fixed("bottom", axes(cells))
     water = {"boundary": "left", "level": level, "weight": weight, "up": letter}
     solution = solve(
         scene(body(cells, fine=2), 1, displacement=held, fluid=water), COMM, check=False

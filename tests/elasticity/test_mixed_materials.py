@@ -1,7 +1,6 @@
 """The mixed element with several materials, between which the pressure jumps."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -10,10 +9,9 @@ from mpi4py import MPI
 from numpy.testing import assert_allclose
 from on_meshes import tensors
 from scenes import alone, rectangle
-from spaces import box
+from spaces import box, tagged_ends
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -37,18 +35,7 @@ def halves(cell, comm=MPI.COMM_WORLD):
         if plane
         else box(cell, (4, 2, 2), size=size, comm=comm)
     ).mesh
-    ends = {
-        f"{name}{k}": (k, at)
-        for k, end in enumerate(size)
-        for name, at in (("low", 0.0), ("high", end))
-    }
-    tagged = tag_boundaries(
-        mesh,
-        {
-            name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at)
-            for name, (k, at) in ends.items()
-        },
-    )
+    tagged = tagged_ends(mesh, size)
     cells = mesh.topology.index_map(mesh.topology.dim)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     middle = dmesh.compute_midpoints(mesh, mesh.topology.dim, every)[:, 0]

@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import function_of_cells, trial_and_test, vector_space
+from on_meshes import function_of_cells, hooke_stress, trial_and_test, vector_space
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
@@ -40,10 +40,7 @@ def box(sizes, counts, kind=None, comm=MPI.COMM_WORLD):
 
 def hooke(u, v, young=1000.0, poisson=0.3):
     """Isotropic elasticity, plane strain or space."""
-    e = ufl.sym(ufl.grad(u))
-    stress = (
-        young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
-    )
+    stress = hooke_stress(ufl.sym(ufl.grad(u)), young, poisson)
     return ufl.inner(stress, ufl.grad(v)) * ufl.dx
 
 

@@ -51,3 +51,15 @@ def corners_of_cells(tagged):
 def turn_by(angle):
     """The rotation of the plane by an angle."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def hooke_stress(strain, young, poisson):
+    """The stress of isotropic elasticity, plane strain or space."""
+    volume = poisson / (1 - 2 * poisson) * ufl.tr(strain) * ufl.Identity(strain.ufl_shape[0])
+    return young / (1 + poisson) * (strain + volume)
+
+
+def strain_of_section(y, r):
+    """The strain of a body of revolution by its displacement, with torsion."""
+    around = ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3))
+    return ufl.sym(ufl.grad(y) + around)

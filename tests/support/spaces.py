@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import turn_by
+from on_meshes import at_coordinate, turn_by
 from scene_tables import fixed, tresca_friction
 from scenes import rectangle
 
@@ -33,28 +31,25 @@ def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
     return tag_boundaries(mesh, markers)
 
 
+def tagged_ends(mesh, size):
+    """The mesh of a box with names for its sides: low0 is across x[0] = 0, high0 opposite."""
+    ends = {
+        f"{name}{k}": at_coordinate(k, at)
+        for k, end in enumerate(size)
+        for name, at in (("low", 0.0), ("high", end))
+    }
+    return tag_boundaries(mesh, ends)
+
+
 def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
-    """A block of uneven cells, 3 by 1 (by 1), with names for its sides: low0 is across x[0] = 0,
-    high0 opposite.
-    """
+    """A block of uneven cells, 3 by 1 (by 1)."""
     plane = cell not in CELLS
     size = (3.0, 1.0) if plane else (3.0, 1.0, 1.0)
     if plane:
         mesh = rectangle(comm, length=3.0, height=1.0, nx=4, ny=3, cell=cell).mesh
     else:
         mesh = box(cell, (3, 2, 2), size=size, comm=comm).mesh
-    ends = {
-        f"{name}{k}": (k, at)
-        for k, end in enumerate(size)
-        for name, at in (("low", 0.0), ("high", end))
-    }
-    tagged = tag_boundaries(
-        mesh,
-        {
-            name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at)
-            for name, (k, at) in ends.items()
-        },
-    )
+    tagged = tagged_ends(mesh, size)
     x = mesh.geometry.x
     bump = np.prod([np.sin(np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
     x[:, 0] += 0.2 * bump

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from on_meshes import (
     at_coordinate,
     function_of_cells,
+    hooke_stress,
     no_load,
     trial_and_test,
     turn_by,
@@ -89,10 +90,7 @@ def forms(mesh, degree, young, poisson=0.3):
 
 def stress_of(u, young, poisson):
     """Of isotropic elasticity, plane strain or space."""
-    e = ufl.sym(ufl.grad(u))
-    return (
-        young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
-    )
+    return hooke_stress(ufl.sym(ufl.grad(u)), young, poisson)
 
 
 def on(mesh, listed):
