@@ -345,7 +345,9 @@ def test_bodies_that_begin_beside_each_other(law):
         "contact": {"boundary": "up.bottom", "against": "low.top"},
         "load_steps": {"times": [0.5, 1.0, 2.0]},
     }
-    with pytest.raises(SceneError, match=r"move one of them there \(in a scene by its shift\)"):
+    with pytest.raises(
+        SceneError, match=r"of bodies that meet later move one \(in a scene by its shift\)"
+    ):
         solve(parse_scene(scene))
     scene["body"][1]["shift"] = [0.1, 1.2]
     scene["displacement"][1] |= {"x": "-0.1*min(t, 1)", "y": "-0.25*max(t - 1, 0)"}
