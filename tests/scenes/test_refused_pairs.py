@@ -83,6 +83,7 @@ WITH = {
     "soft contact": {"contact": {"overclosure": {"stiffness": 1e3}}},
     "cohesion": {"contact": {"cohesion": {"strength": 1.0, "energy": 0.1}}},
     "wear": {"contact": {"wear": {"coefficient": 1e-9, "distance": "t"}}},
+    "seeping": {"contact": {"seeping": {"pressure": 1.0, "side": "left"}}},
     "gravity": {"gravity": {"y": -1.0}, "material": {"density": 1e-3}},
     "nonlinear material": {"material": {"law": "neo-hooke"}},
 }  # fmt: skip
@@ -196,6 +197,7 @@ ONE_OF_BOTH = {
     ("contact that cannot open", "cohesion"),
     ("moving foundation", "cohesion"),
     ("contact that cannot open", "wear"),
+    ("contact that cannot open", "seeping"),
     ("local refinement", "mesh that no generator makes"),
     ("driven foundation", "moving foundation"),
     ("axisymmetric, torsion", "prescribed rotation"),
