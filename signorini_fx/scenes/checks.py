@@ -73,7 +73,7 @@ def check_scene(
 
         model = linear_body(scene, comm, Timings())
         compared = False
-        ProblemOfScene.of(scene.statement, model, History())
+        ProblemOfScene(scene.statement, model, History())
         model = replace(model.with_statement(scene.statement), contacts=scene.contact)
         findings = [*nonlinear_findings(model.statement, model)]
     else:

@@ -80,9 +80,7 @@ def build_problem(
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
         effects = *effects, *stated_effects(scene.statement)
-        problem = ProblemOfScene.of(scene.statement, model, history, effects)
-    problem.timings = timings
-    return problem
+        return ProblemOfScene(scene.statement, model, history, effects, timings)
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
@@ -114,20 +112,19 @@ class ProblemOfScene(NonlinearContactProblem):
     model: Model  # the linear body that it is at small strains, with its loads and supports
     body: BodyResidual  # its residual
     path_step = -1.0  # the place in the lists of factors where it is
-    timings: Timings  # of what was done before it was solved
     _named_residual = "material"
     _held: fem.Function  # the values of supports
     _first: State  # before the first load step
 
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         statement: Statement,
         model: Model,
         history: History,
         effects: Sequence[StepEffect] = (),
-    ) -> ProblemOfScene:
-        """Build the problem of a statement; collective."""
+        timings: Timings | None = None,
+    ) -> None:
+        """Build the problem of a statement; ``timings``: of what was done before; collective."""
         space = model.space
         tagged = model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
@@ -162,7 +159,7 @@ class ProblemOfScene(NonlinearContactProblem):
         }
         moves = any(effect.moves_bodies for effect in effects)
         try:
-            problem = cls(
+            super().__init__(
                 body.form,
                 u,
                 bcs=bcs,
@@ -177,24 +174,22 @@ class ProblemOfScene(NonlinearContactProblem):
             )
         except FormError as error:
             raise _of_scene(error) from None
-        problem.statement = statement
-        problem.model = model
-        problem.body = body
-        problem._held = held
-        problem._solver.too_large = problem._too_large
-        problem._solver.cures = _cures(statement)
-        problem._solver.tangents.trusted = body.tangent is not None
-        problem.linear.names = {name: tagged.facets(name) for name in tagged.boundaries}
-        problem.linear.bodies = model.pieces.bodies
-        problem.linear.history = history
-        problem.linear.model_of_scene = model
-        parts = [tagged.cells(material.region) for material in model.materials]
-        problem.linear.forms = replace(problem.linear.forms, parts=parts)
-        problem._solver.remembers = body if body.points else None
-        problem._solver.extrapolates = any(one.flows for one in statement.material)
-        problem.begin_at(-1.0)
-        problem._first = problem._solver.initial()
-        return problem
+        self.statement = statement
+        self.model = model
+        self.body = body
+        self.timings = timings or Timings()
+        self._held = held
+        self.linear.take_scene(model, history)
+        self._solver = self._ended = replace(
+            self._solver,
+            remembers=body if body.points else None,
+            extrapolates=any(one.flows for one in statement.material),
+            too_large=self._too_large,
+            cures=_cures(statement),
+            trusted=body.tangent is not None,
+        )
+        self.begin_at(-1.0)
+        self._first = self._solver.initial()
 
     @property
     def path(self) -> LoadPath:

@@ -526,7 +526,7 @@ class _ChangedScene:
             path.startswith("contact") or self._model is not None
         )  # supports move contact points, too
         model = self._model or steps.problem.model
-        self._touching = ProblemOfScene.of(statement, model, History()) if touching else None
+        self._touching = ProblemOfScene(statement, model, History()) if touching else None
 
     def values(self, path_step: float) -> Array:
         """The prescribed displacements at the owned dofs; collective."""

@@ -70,7 +70,7 @@ from signorini_fx.mechanics.state import ContactValues, State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement
 from signorini_fx.mechanics.step_effect import StepEffect
-from signorini_fx.records import Status
+from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.solving.frames import (
@@ -478,6 +478,18 @@ class NonlinearBody(BodyOfForms):
         self.now: Linearised | None = None  # the last problem that was assembled
         self.solved: Solved | None = None  # the last one that was solved in this step
         self.begin = self.initial()
+
+    def take_scene(self, model: Model, history: History) -> None:
+        """Take names, parts and the history of a scene; ``model``: the linear body that it is at
+        small strains.
+        """
+        tagged = model.tagged
+        self.model_of_scene = model
+        self.history = history
+        self.names = {name: tagged.facets(name) for name in tagged.boundaries}
+        self.bodies = model.pieces.bodies
+        parts = [tagged.cells(material.region) for material in model.materials]
+        self.forms = replace(self.forms, parts=parts)
 
     @property
     def places(self) -> Array:

@@ -190,12 +190,8 @@ class Residual:
 
 class Tangents:
     """The user's tangent J, if it is ``given``, and the derivative of F by u, each compiled when it
-    is first needed;
-    ``trusted``: whether J is known to be the derivative, and is not tried: near a yield stress no
-    difference tells.
+    is first needed.
     """
-
-    trusted = False
 
     def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
         self.given = J is not None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
@@ -46,6 +46,9 @@ class Stability:
     body: NonlinearBody
     residual: Residual
     tangents: Tangents
+    # Whether a given tangent is known to be the derivative, and is not tried: near a yield stress
+    # no difference tells.
+    trusted: bool = field(default=False, kw_only=True)
 
     def stable(self, solved: Solved) -> tuple[Status, str]:
         """Whether an equilibrium is stable, by the derivative of F, and where instability begins,
@@ -122,7 +125,7 @@ class Stability:
         """
         tangents = self.tangents
         residual = self.residual
-        known = tangents.trusted or not (tangents.given or residual.update is not None)
+        known = self.trusted or not (tangents.given or residual.update is not None)
         return known or is_derivative(
             tangents.leading, residual, values, ~self.body.supports()[0][: self.body.owned]
         )
