@@ -12,6 +12,8 @@ from typing import Literal
 
 import numpy as np
 
+from signorini_fx.machine.compilation import seconds_compiled
+
 
 def _on_first_rank(_: logging.LogRecord) -> bool:
     """Return whether this rank writes the log."""
@@ -325,12 +327,19 @@ class Timings:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Add the time spent inside the ``with`` block to the phase ``name``."""
+        """Add the time spent inside the ``with`` block to the phase ``name``, and what of it is
+        spent on compilation to ``compile``.
+        """
         start = time.perf_counter()
+        compiled = seconds_compiled()
         try:
             yield
         finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+            compiled = seconds_compiled() - compiled
+            elapsed = time.perf_counter() - start - compiled
+            for phase, seconds in ((name, elapsed), ("compile", compiled)):
+                if seconds or phase == name:
+                    self.seconds[phase] = self.seconds.get(phase, 0.0) + seconds
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,9 @@ POLLUTION = 6.0
 # The same of the largest pressure.  Tuned on half disks and spheres
 # (tests/accuracy/test_remade_meshes.py).
 POLLUTION_OF_PEAK = 2.0
+# Adjoint states of printed numbers are solved for on meshes with at most so many unknowns, where
+# they take a few milliseconds.
+MOST_ADJOINT_UNKNOWNS = 5_000
 # --- convergence table: errors and costs from mesh to mesh ----------------------------------------
 
 # How errors decrease with h; the ends of the contact zone limit all but the peak.  Tuned on Example
@@ -190,9 +193,9 @@ FACTOR_SECONDS = {2: 3e-9, 3: 4e-10}
 SOLVE_SECONDS = 1e-6
 # Dense Cholesky, operations a second.  No record.
 DENSE_SPEED = 2e10
-# Seconds per unknown to set up multigrid, and of a solve, of which few are exact; see
-# docs/evidence/multigrid_levels.csv.
-KRYLOV_SECONDS = 5e-6
+# Seconds of a load step per unknown, by dimension, where factorisations do not take longer; fixed
+# ones count as ``FIXED_UNKNOWNS``.  Tuned on 49 scenes: 8.5 to 14 and 66 to 76 times 1e-6.
+WHOLE_SECONDS = {2: 1.2e-5, 3: 7e-5}
 # Bytes of a process before it has a mesh; per unknown what mesh, forms and vectors need at least.
 # No record.
 BASE_BYTES, BYTES_PER_DOF = 1.4e8, 1.0e3

@@ -31,6 +31,14 @@ _NEEDED = (
 # What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may
 # hold thousands.
 _LOADED: dict[tuple[str, str], Any] = {}
+# Wall seconds that this process has compiled for, and when it has begun to, while it does.
+_SPENT = [0.0]
+_BEGUN: list[float] = []
+
+
+def seconds_compiled() -> float:
+    """Wall seconds that this process has spent on compilation so far."""
+    return _SPENT[0]
 
 
 @contextmanager
@@ -46,7 +54,12 @@ def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
         # What a handler raises in the middle of a compilation would be taken for a mistake in the
         # form.
         with signals.deferred(), _locks(), shared_cells():
-            yield
+            try:
+                yield
+            finally:
+                if _BEGUN:
+                    _SPENT[0] += time.perf_counter() - _BEGUN[0]
+                    _BEGUN.clear()
     except (
         OSError,
         RuntimeError,
@@ -71,8 +84,10 @@ def _locks() -> Iterator[None]:
                 return _LOADED[key]
             prepare(Path(folder), module, float(timeout), held)
             loaded = look(module, objects, folder, timeout)
-            if loaded[0] is not None:  # None: it has to be compiled
+            if loaded[0] is not None:
                 _LOADED[key] = loaded
+            elif not _BEGUN:  # it has to be compiled
+                _BEGUN.append(time.perf_counter())
             return loaded
 
         jit.get_cached_module = locked

@@ -244,7 +244,7 @@ def text_of(check: Check, *, verbose: bool) -> str:
     if cost.next_refused:
         smaller = ""
     estimate = (
-        f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "
+        f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)}, "
         f"{storage(cost.memory_bytes)}, estimated{smaller}"
     )
     count = len(check.warnings)

@@ -17,15 +17,15 @@ from signorini_fx.results.accuracy.next_accuracy import next_refinement
 from signorini_fx.tuned import (
     BASE_BYTES,
     BYTES_PER_DOF,
-    DENSE_SPEED,
     FACTOR_SECONDS,
-    KRYLOV_SECONDS,
+    FIXED_UNKNOWNS,
     NEWTON_SOLVES,
     NEXT_ERROR,
     PAIRED_BYTES,
     SOLVE_SECONDS,
     SOLVES_OF_START,
     SOLVES_PER_DOUBLING,
+    WHOLE_SECONDS,
 )
 
 
@@ -36,7 +36,7 @@ class Cost:
     unknowns: int  # displacement components that are not prescribed, of the body and of rigid ones
     linear_algebra: str  # ``full``, ``krylov`` or ``condensed``, and why
     linear_solves: tuple[int, int]  # from and to, of all load steps
-    seconds: tuple[float, float]  # linear algebra of the whole solve, from and to
+    seconds: tuple[float, float]  # of the whole solve, from and to
     memory_bytes: float  # of the whole process
     next_error: float  # the share of the error that the next two are about
     next_seconds: tuple[float, float]  # that it would take, from and to
@@ -90,25 +90,22 @@ def estimated_cost(model: Model) -> Cost:
     kind, reason = choice.choose_kind(model.system_size(), model.settings.linear_algebra)
     dense = 0
     held = 12.0 * factor_entries(n, dim)
+    once, per_solve = 0.0, factorisation
     if kind == "krylov":
-        once = KRYLOV_SECONDS * n
-        per_solve = KRYLOV_SECONDS * n
+        per_solve = 0.0
         held = matrix
-    elif kind == "condensed":
+    elif kind == "condensed":  # dense solves take no longer, or it would not be chosen
         dense = dim * nodes
-        once = factorisation
-        per_solve = dense**3 / 3 / DENSE_SPEED
     elif model.boundary is None:
         reason = "one factorisation for all load steps"
         once = factorisation
         per_solve = SOLVE_SECONDS * n
-    else:
-        once, per_solve = 0.0, factorisation
-    if model.statement.nonlinear:  # each linear solve has a factorisation
-        once, per_solve = 0.0, factorisation
     if model.boundary is not None and model.boundary.moving is not None:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
-    seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
+    # What else there is, of each load step.
+    steps = 1 if model.boundary is None else model.path.expected
+    rest = steps * WHOLE_SECONDS[dim] * (FIXED_UNKNOWNS[dim] + n)
+    seconds = (max(once + solves[0] * per_solve, rest), max(once + solves[1] * per_solve, rest))
     of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
     refused = accuracy_refused(model.statement, of)
     refinement = next_refinement(model.statement, model.tagged, of, free, able=not refused)
