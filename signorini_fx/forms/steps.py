@@ -69,7 +69,8 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     if ran is not None:
         path, reports = ran
         steps = [report.result for report in reports]
-        ended = last_solved(reports)
+        last = last_solved(reports)
+        ended = last.outcome, last.data
     # Of a load step that has failed the forms are not those of the results, which are of one before
     # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1

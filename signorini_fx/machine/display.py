@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
@@ -49,6 +50,38 @@ def clean(value: Any, scale: float) -> Any:
     return (
         [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
     )
+
+
+def point_in_words(point: Iterable[float]) -> str:
+    """The coordinates of a point, without round-off."""
+    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
+
+
+def with_error(value: Any, error: float | None) -> str:
+    """A number, or a vector in brackets, rounded as its error, which follows; two digits: it is
+    not known, six: there is none but round-off.
+    """
+    vector = isinstance(value, list | tuple)
+    parts = [float(part) for part in (value if vector else [value])]
+    size = math.hypot(*parts)
+    if error is None or error <= 1e-6 * size or not math.isfinite(size + error):
+        digits = 2 if error is None else 6
+        texts = [f"{float(f'{part:.{digits}g}'):g}" for part in clean(parts, size)]
+        return f"({', '.join(texts)})" if vector else texts[0]
+    # One digit of the error, two if it begins with 1, which is rounded up.
+    last = math.floor(math.log10(error))
+    last -= error < 1.9 * 10.0**last
+    largest = math.floor(math.log10(max(size, error)))
+    power = 0 if -4 < largest < 6 else largest
+    decimals = max(power - last, 0)
+    up = math.ceil(error / 10.0**last * (1 - 1e-9)) * 10.0 ** (last - power)
+    texts = [
+        f"{round(part, -last) / 10.0**power:.{decimals}f}" if round(part, -last) else "0"
+        for part in parts
+    ]
+    text = f"({', '.join(texts)})" if vector else texts[0]
+    text = f"{text} +- {up:.{decimals}f}"
+    return f"({text})e{power:+03d}" if power else text
 
 
 def duration(seconds: float) -> str:

@@ -20,15 +20,17 @@ from signorini_fx.machine.display import (
     clean,
     effort_in_words,
     on_several_bodies,
+    point_in_words,
     results_of,
     status_in_words,
     touch_each_other,
+    with_error,
 )
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.summary import own_quantities
+from signorini_fx.mechanics.statement.units import unit, with_unit
+from signorini_fx.quantities.summary import NO_FINITE_VALUE, PrintedNumber, own_quantities
 from signorini_fx.records import JUDGED, NO_ACCURACY, SHORT_OF_ACCURACY, STEPS_UNESTIMATED, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIGIBLE
 
@@ -70,10 +72,6 @@ def was_solved(summary: Summary) -> bool:
     return validity_of(summary).solved or summary["linear_solves"] > 0
 
 
-# Digits of a figure without an estimate, and the most that are shown of one with an estimate.
-_UNKNOWN, _MOST_DIGITS = 4, 6
-
-
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
     """The estimates of the finest mesh that was solved, the last solved row of the convergence
     table; empty: there is none.
@@ -82,70 +80,40 @@ def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
     return solved[-1] if solved else {}
 
 
-def between(stress: Mapping[str, Any]) -> float | None:
-    """Return the difference of the largest von Mises stress of ``stress`` and the recovered one,
-    relative to the larger one.
-
-    Digits beyond that mean nothing; it says nothing about the error, least of all where the stress
-    has no limit: so it is None, not known, where they differ in the fourth digit only.
-    """
-    values = [
-        (entry or {}).get("von_mises", {}).get("value")
-        for entry in (stress, stress.get("recovered"))
-    ]
-    if None in values or not max(values) > 0:
-        return None
-    apart = float((max(values) - min(values)) / max(values))
-    return apart if apart > NEGLIGIBLE else None
-
-
-def figure(value: Any, error: float | None = None) -> str:
-    """A number or a vector, rounded at the first digit that is uncertain.
-
-    Args:
-        value: a number, or components, which are as uncertain as the vector is.
-        error: estimated error relative to its size; None: not known, four digits are shown.
+def figure(value: Any) -> str:
+    """A number without an error, or the components of a vector, with four digits each; ""
+    for None.
     """
     if isinstance(value, list | tuple):
         size = math.hypot(*value)
-        return f"({', '.join(_rounded(component, size, error) for component in value)})"
+        return f"({', '.join(_rounded(component, size) for component in value)})"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "" if value is None else str(value)
-    if isinstance(value, int):
-        return str(value)
-    return _rounded(value, abs(value), error)
+    return str(value) if isinstance(value, int) else _rounded(value, abs(value))
 
 
-def _rounded(value: float, size: float, error: float | None) -> str:
+def _rounded(value: float, size: float) -> str:
     if not (math.isfinite(value) and math.isfinite(size)):
         return f"{value}"
-    if value == 0 or size == 0:
+    if value == 0:
         return "0"
-    largest = math.floor(math.log10(size))
-    uncertain = largest - _MOST_DIGITS + 1
-    if error is None and value:  # a small component beside a large one has digits of its own
-        uncertain = max(math.floor(math.log10(abs(value))) - _UNKNOWN + 1, uncertain)
-    elif error:
-        # An error of more than the size leaves the first digit: 0 would be a claim.
-        uncertain = min(math.floor(math.log10(error * size) + 1e-9), largest)
-        uncertain = max(uncertain, largest - _MOST_DIGITS + 1)
-    rounded = round(value, -uncertain)
-    if rounded == 0:
-        return "0"
-    if error is None or error <= 10.0 ** (
-        1 - _MOST_DIGITS
-    ):  # zeros at the end say nothing about an error
-        return f"{rounded:.{_MOST_DIGITS}g}"
-    if not -4 <= largest < _MOST_DIGITS:
-        return f"{rounded:.{max(math.floor(math.log10(abs(rounded))) - uncertain, 0)}e}"
-    return f"{rounded:.{max(-uncertain, 0)}f}"
+    # A small component beside a large one has digits of its own.
+    last = max(math.floor(math.log10(abs(value))) - 3, math.floor(math.log10(size)) - 5)
+    rounded = round(value, -last)
+    return f"{rounded:.6g}" if rounded else "0"
 
 
-def figure_or_error(value: Any, error: float | None) -> str:
-    """Return ``figure``, followed by the error where it leaves no digit."""
-    return figure(value, error) + (
-        f" (error {percent(error)})" if error is not None and error >= 1 else ""
-    )
+def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
+    """A value with the error that the number of this name has, relative to its size; without a
+    known error it has four digits.
+    """
+    row = summary.get("numbers", {}).get(name)
+    if row is None:
+        return with_unit(figure(value), quantity)
+    number = PrintedNumber(**row)
+    if number.error and isinstance(value, float) and isinstance(number.value, float):
+        number = number.model_copy(update={"error": number.error * abs(value / number.value)})
+    return number.model_copy(update={"value": value}).told(unit(quantity))
 
 
 def percent(error: float) -> str:
@@ -176,11 +144,11 @@ def labelled(label: str, texts: list[str]) -> list[TerminalLine]:
     return [row(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
 
-def digits(value: Any, error: float | None = None) -> str:
-    """A figure rounded to its estimated error; one without an estimate with six digits."""
+def digits(value: Any) -> str:
+    """A figure with six digits."""
     if not isinstance(value, float):
         return in_brackets(value) if isinstance(value, list) else str(value)
-    return f"{value:.6g}" if error is None else figure(value, error)
+    return f"{value:.6g}"
 
 
 def in_brackets(components: Sequence[float]) -> str:
@@ -202,11 +170,6 @@ def has_friction(summary: Summary) -> bool:
     return any(law not in (None, "none") for law in laws)
 
 
-def point_in_words(point: Sequence[float]) -> str:
-    """The coordinates of a point, without round-off."""
-    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
-
-
 def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
     """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None:
     there is none.
@@ -225,18 +188,17 @@ def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
 
 
 def share_in_words(summary: Summary, of: str = "") -> str:
-    """Return the share of the yield stress, named ``of``, that is used, with the digits of the
-    stress: a share such as 41 %, far above it how many times, and no figure above it where the
-    stress is singular, because each mesh would change it.
+    """Return the share of the yield stress, named ``of``, that is used: a share such as 41 %,
+    far above it how many times, and no figure above it where the stress is singular, because each
+    mesh would change it.
     """
     largest = summary["utilisation"]
-    apart = between(summary["stress"])
     share = largest["value"]
     if share is not None and share > 1 and largest.get("no_limit"):
         return f"{'far ' * (share > FAR_GAP)}above {of or '100 %'}"
     if share is not None and share > FAR_GAP:
-        return f"{figure(share, apart)} times{' ' * bool(of)}{of}"
-    return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
+        return f"{share:.3g} times{' ' * bool(of)}{of}"
+    return f"{figure(None if share is None else 100 * share)} %{' of ' * bool(of)}{of}"
 
 
 @dataclass(frozen=True)
@@ -266,9 +228,7 @@ def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
     if value is None:
         return []
     if shown.format is None:
-        return [
-            row(shown.label, with_unit(digits(value, error_of(summary, shown.key)), shown.unit))
-        ]
+        return [row(shown.label, with_unit(digits(value), shown.unit))]
     texts = enumerate(shown.format(summary))
     return [
         text if isinstance(text, TerminalLine) else row(shown.label if k == 0 else "", text)
@@ -283,38 +243,6 @@ def brief_lines(summary: Summary) -> list[TerminalLine]:
     if not validity_of(summary).solved:
         return []
     return [line for shown in all_shown() if shown.brief for line in shown_lines(shown, summary)]
-
-
-def error_of(summary: Mapping[str, Any], key: str) -> float | None:
-    """The estimated error of a figure of a summary, relative to its size; None: there is no
-    estimate.
-    """
-    prices = solved_prices(summary)
-    if key == "strain_energy":  # the square of that in the energy norm
-        energy = prices.get("energy")
-        return None if energy is None else float(energy**2)
-    of = {
-        "max_pressure": "peak",
-        "max_shear": "pressure",
-        "contact_force": "force",
-        "friction_force": "force",
-    }
-    error = prices.get(of.get(key, ""))
-    if error is None or "force" not in key:
-        return error
-    # It is relative to all forces, so large where these nearly cancel, or where friction nearly
-    # vanishes.
-    contact = math.hypot(*summary.get("contact_force", [0.0]))
-    friction = math.hypot(*summary.get("friction_force", [0.0]))
-    rows = summary.get("contact_boundaries", ())
-    components = [
-        f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())
-    ]
-    if len(rows) > 1 and contact + friction > 0:
-        error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
-    return (
-        error * contact / friction if key == "friction_force" and 0 < friction < contact else error
-    )
 
 
 def _limit(summary: Summary) -> Lines:
@@ -368,10 +296,11 @@ def _contact(summary: Summary) -> Lines:
     touching = summary["touching_nodes"]
     present = summary.get("present_pressure")
     largest = summary["max_pressure"] if present is None else present
-    peak = with_unit(figure_or_error(largest, error_of(summary, "max_pressure")), "stress")
+    peak = told(summary, "largest pressure", largest, "stress")
     peak += "" if present is None else " per present area"
-    grows = _no_limit({"no_limit": summary.get("no_limit_of_pressure")})
-    pressed = f", largest pressure {peak}{grows}" if touching else ""
+    if "numbers" not in summary:
+        peak += _no_limit({"no_limit": summary.get("no_limit_of_pressure")})
+    pressed = f", largest pressure {peak}" if touching else ""
     boundaries = summary.get("contact_boundaries") or ()
     few = [
         f"; only {row['touching_nodes']} on {row['boundary']}: refine there"
@@ -386,7 +315,15 @@ def _contact(summary: Summary) -> Lines:
         if row.get("slip_speed") and row["pressure_integral"]
     ]
     where = f"at {touching} of {summary['contact_nodes']} nodes"
-    return [f"{where}{pressed}{''.join(few)}", *sliding]
+    area = summary.get("numbers", {}).get("contact area") or {}
+    plane = summary.get("dimension") == 2 and kinematics_of(summary).uniform
+    size = "length" if plane else "area"
+    over = (
+        f", {size} {told(summary, 'contact area', area['value'], size)}"
+        if area.get("error")
+        else ""
+    )
+    return [f"{where}{over}{pressed}{''.join(few)}", *sliding]
 
 
 def _forces(summary: Summary) -> Lines:
@@ -409,10 +346,10 @@ def _forces(summary: Summary) -> Lines:
 
     def of(entry: dict[str, Any], key: str) -> str:
         force = clean(entry[key], size)
-        shown = (
-            force if kinematics.uniform else force[1]
-        )  # over a revolution radial ones cancel each other
-        return with_unit(figure_or_error(shown, error_of(summary, key)), "force")
+        # Over a revolution radial ones cancel each other.
+        shown = force if kinematics.uniform else force[1]
+        kind = key.partition("_")[0].replace("contact", "force")
+        return told(summary, f"{kind}{entry['name']}", shown, "force")
 
     texts = Lines()
     for entry in entries[:MOST_ROWS]:
@@ -425,9 +362,7 @@ def _forces(summary: Summary) -> Lines:
 
 def _max_shear(summary: Summary) -> Lines:
     """Return the largest shear; nothing without friction."""
-    shear = with_unit(
-        figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress"
-    )
+    shear = with_unit(figure(summary["max_shear"]), "stress")
     return [shear] if has_friction(summary) else []
 
 
@@ -554,7 +489,8 @@ def _stress(summary: Summary) -> Lines:
         return []
     share = (summary.get("utilisation") or {}).get("value")
     used = "" if share is None else f", {share_in_words(summary, 'yield')}"
-    value = with_unit(figure(largest["value"], between(summary["stress"])), "stress")
+    error = None if largest.get("no_limit") else largest.get("error")
+    value = with_unit(with_error(largest["value"], error), "stress")
     text = f"von Mises {value}{used}, {_place(largest)}{_no_limit(largest)}"
     return [row("stress", text, "" if share is None or share <= 1 else "warning")]
 
@@ -566,7 +502,7 @@ def _place(largest: dict[str, Any]) -> str:
 
 def _no_limit(largest: dict[str, Any]) -> str:
     why = largest.get("no_limit")
-    return "" if why is None else f"; singular ({why}): grows with every refinement"
+    return "" if why is None else f"; {NO_FINITE_VALUE}{why}"
 
 
 def _plastic_strain(summary: Summary) -> Lines:
@@ -712,9 +648,15 @@ def _narrow(line: TerminalLine) -> list[TerminalLine]:
     """A line with a short label, in 80 columns; a longer label ends with a colon."""
     label = line.begin.strip()
     begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
-    texts = textwrap.wrap(printable(line.text), COLUMNS - len(begin))
+    # An error stays beside its number.
+    whole = printable(line.text).replace(" +- ", "\N{NO-BREAK SPACE}+-\N{NO-BREAK SPACE}")
+    texts = textwrap.wrap(whole, COLUMNS - len(begin))
     return [
-        TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0))
+        TerminalLine(
+            begin if k == 0 else " " * 14,
+            text.replace("\N{NO-BREAK SPACE}", " "),
+            line.kind * (k == 0),
+        )
         for k, text in enumerate(texts)
     ]
 

@@ -15,10 +15,12 @@ from typing_extensions import TypeAliasType
 
 from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.extensions import QUANTITIES, load, names_of
-from signorini_fx.machine.display import dataframe
+from signorini_fx.machine.display import dataframe, with_error
 from signorini_fx.machine.result_files import folder_path, read_csv, read_summary
 
 SCHEMA_VERSION = 1
+# How it begins that a number has none.
+NO_FINITE_VALUE = "no finite value: "
 
 
 def _closed(schema: dict[str, Any]) -> None:
@@ -237,6 +239,7 @@ class ExtremeOfValue(Row):
 
     value: Number
     place: Annotated[list[Number], Field(max_length=3)]
+    error: Number = perhaps("As that of `numbers`, of the larger one of raw and recovered stress.")
     region: str | None = perhaps(
         "Name of its body or of the region of its material, if there are several; null: that "
         "without a region."
@@ -331,6 +334,28 @@ class ErrorBoundFigures(Row):
     round_off: Number = perhaps("Part of round-off.")
     guaranteed: bool = perhaps("Whether it is a bound; else an estimate.")
     statement: str = described("All of it in a sentence, or why there is no bound.")
+
+
+class PrintedNumber(Row):
+    """A number that is printed, and its error."""
+
+    value: Number | Vector
+    place: Vector | None = perhaps("Where it is, of a largest value.")
+    error: Number = perhaps(
+        "Half of the interval in which the value of the exact solution is expected; null: it is "
+        "not known, or there is no finite value."
+    )
+    why: str | None = perhaps("Why it is not known, or is what it is.")
+
+    def __str__(self) -> str:
+        return self.told()
+
+    def told(self, unit: str = "") -> str:
+        """The number, its error and why it is so, in words."""
+        if self.error is None and self.why is not None and self.why.startswith(NO_FINITE_VALUE):
+            return self.why
+        text = f"{with_error(self.value, self.error)} {unit}".rstrip()
+        return text if self.why is None else f"{text}{',' * (self.error != 0)} {self.why}"
 
 
 class CostOfAccuracy(Row):
@@ -519,6 +544,7 @@ class Summary(Run):
         "A guaranteed bound of the error in the energy norm, with `error_bound = true`."
     )
     cost: CostOfAccuracy = perhaps("Cost of this accuracy, and the forecast for a better one.")
+    numbers: dict[str, PrintedNumber] = perhaps("Errors of the numbers that are printed, by name.")
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,9 @@ def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
     if solution.model.settings.error_bound:
         functions["error_bound"] = _error_bound
     functions["cost"] = _cost
+    functions["numbers"] = lambda solution: {
+        name: number.model_dump() for name, number in solution.numbers.items()
+    }
     return functions
 
 

@@ -14,8 +14,9 @@ named.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import basix
@@ -24,15 +25,19 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array, diagonal, extents
 from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_entities,
     facet_vertices,
 )
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain
-from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_ANGLE
+from signorini_fx.results.accuracy.contact_surface import places
+from signorini_fx.results.accuracy.pressure_error import growing_rows
+from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, NOTABLE, ROOT_OF_EPS, SAME_ANGLE
 
 
 @dataclass(frozen=True)
@@ -79,30 +84,45 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
     """
     if _beside_a_node_that_is_loaded(body, point):
         return "where a single node is loaded or held"
-    facets = [
-        facet
-        for local_facets in body.comm.allgather(facets_near(body, np.array(point)))
-        for facet in local_facets
-    ]
     reasons: list[str | None] = []
     if body.boundary is not None and (corners := body.boundary.corners) is not None:
         away = np.linalg.norm(corners.place[:, : len(point)] - point, axis=1)
         close = ~corners.alone & (away <= (1 + DIGITS_OF_FILES) * corners.facet)
         if parallel.any_rank(body.comm, close):
             reasons.append("it is at a corner of the foundation")
-    for facet_a, facet_b in _meeting(facets, ROOT_OF_EPS * body.tagged.size):
-        if facet_a.piece != facet_b.piece:
-            continue
-        distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
-        first, _ = np.nonzero(distance <= ROOT_OF_EPS * body.tagged.size)
-        size = min(facet_a.size, facet_b.size)
-        if len(first) != body.tagged.dimension - 1:
-            continue
-        away = np.linalg.norm(facet_a.vertices[first] - point, axis=1).min() / size
-        reason = _reason(facet_a, facet_b)
+    for corner, size, reason in _corners(body, np.array(point)):
+        away = np.linalg.norm(corner - point, axis=1).min() / size
         if away <= 1 + DIGITS_OF_FILES or (reason == _REENTRANT and away <= _FACETS_BESIDE):
             reasons.append(reason)
     return min((reason for reason in reasons if reason is not None), default=None)
+
+
+def singular_corners(body: Model) -> list[tuple[Array, str]]:
+    """The corners of a body where its stress has no limit, even if it is a curve there, in 3D an
+    end of each side of a facet along an edge, and why; collective.
+    """
+    return [(corner[0], reason) for corner, _, reason in _corners(body, None)]
+
+
+def _corners(body: Model, point: Array | None) -> Iterator[tuple[Array, float, str]]:
+    """Where facets near a place, None: all facets, meet so that the stress has no limit: their
+    common vertices, the size of the smaller one, and why; collective.
+    """
+    local = facets_near(body, point)
+    facets = [facet for of_rank in body.comm.allgather(local) for facet in of_rank]
+    same = ROOT_OF_EPS * body.tagged.size
+    for facet_a, facet_b in _meeting(facets, same):
+        alike = facet_a.kind == facet_b.kind and facet_a.material == facet_b.material
+        flat = facet_a.normal @ facet_b.normal >= np.cos(CORNER_ANGLE)
+        if facet_a.piece != facet_b.piece or (alike and flat):
+            continue
+        slack = _CURVED if point is None else SAME_ANGLE
+        if (reason := _reason(facet_a, facet_b, slack)) is None:
+            continue
+        distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
+        first, _ = np.nonzero(distance <= same)
+        if len(first) == body.tagged.dimension - 1:
+            yield facet_a.vertices[first], min(facet_a.size, facet_b.size), reason
 
 
 def _meeting(
@@ -139,8 +159,10 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
     return parallel.any_rank(body.comm, found)
 
 
-def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
-    """Why the stress has no limit where two facets of a body meet."""
+def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str | None:
+    """Why the stress has no limit where two facets of a body meet; ``slack``: by how much, in
+    degrees, the angle may exceed the largest one where conditions change.
+    """
     if (
         facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
     ):  # that is a mirror
@@ -153,7 +175,7 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     if facet_a.paired or facet_b.paired:
         filled = facet_a.paired == facet_b.paired == "bonded"
         return None if filled or angle <= 180 + _CURVED else _REENTRANT
-    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
+    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else slack):
         return None
     if alike and facet_a.kind != "guided":
         return _REENTRANT
@@ -163,8 +185,10 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     )
 
 
-def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
-    """Exterior facets of this rank with a corner within three of their sizes from a place."""
+def facets_near(body: Model, point: Array | None) -> list[BoundaryFacet]:
+    """Exterior facets of this rank with a corner within three of their sizes from a place; None:
+    all.
+    """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
     numbers = outer_facets(mesh)
@@ -175,76 +199,137 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     of_facet = len(basix.topology(cell)[dim - 1][0])
     vertices = facet_vertices(mesh, numbers)[:, :of_facet, :dim]
     size = extents(vertices)
-    close = (
-        np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf)
-        <= _FACETS_BESIDE * size
-    )
-    facets = []
-    for k in np.flatnonzero(close):
-        nodes = compat.geometry_cells(mesh)[entities[k, 0], :corners]
-        middle = mesh.geometry.x[nodes, :dim].mean(axis=0)
-        normal = _normal(vertices[k], middle)
-        condition = _condition(body, int(numbers[k]), normal, vertices[k])
-        piece = int(body.pieces.of_cell[entities[k, 0]])
-        facets.append(
-            BoundaryFacet(
-                vertices[k], normal, *condition, piece, _material(body, int(entities[k, 0]))
-            )
+    away = 0 * vertices[:, :, 0] if point is None else np.linalg.norm(vertices - point, axis=2)
+    close = away.min(axis=1, initial=np.inf) <= _FACETS_BESIDE * size
+    chosen = np.flatnonzero(close)
+    cells = entities[chosen, 0]
+    around = vertices[chosen]
+    middles = around.mean(axis=1)
+    inside = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners], :dim].mean(axis=1)
+    normals = np.linalg.svd(around - middles[:, None])[2][:, -1]
+    normals *= np.sign(np.einsum("fi,fi->f", normals, middles - inside))[:, None]
+    condition_of = _conditions(body)
+    material_of = _materials(body)
+    return [
+        BoundaryFacet(
+            around[k],
+            normals[k],
+            *condition_of(int(numbers[chosen[k]]), normals[k], around[k]),
+            int(body.pieces.of_cell[cell]),
+            material_of(int(cell)),
         )
-    return facets
+        for k, cell in enumerate(cells)
+    ]
 
 
-def _material(body: Model, cell: int) -> tuple[Any, ...]:
+def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
+    """Why the contact pressure has no limit as the mesh is refined, and where, see ``Solution``;
+    collective.
+    """
+    columns = table.columns
+    pressure = columns["pressure"]
+    pressed = columns["weight"] * (pressure > 0)
+    if not pressed.any():
+        return None
+    # Each of two bodies alone is bounded at the edge of the other one.
+    steep = pressure > (1 + NOTABLE) * np.average(pressure, weights=pressed)
+    ends = [row for row in ends_on_another(body, table) if pressure[row] > NOTABLE * pressure.max()]
+    for row in (*growing_rows(table), *ends):
+        place = tuple(float(columns[axis][row]) for axis in "xyz" if axis in columns)
+        reason = why_no_limit(body, place)
+        if not reason and (row in ends or (steep[row] and columns.get("against", {row: ""})[row])):
+            reason = "at the edge of one body on another"
+        if reason:
+            return f"{reason}, {point_in_words(place)}"
+    return None
+
+
+def ends_on_another(body: Model, table: ContactTable) -> list[int]:
+    """The rows in 2D at ends of a contact boundary beyond which another body goes on; there a
+    pressure has no limit, whatever a coarse mesh shows of it; collective.
+    """
+    ends = []
+    for path in table.paths if "against" in table.columns else ():
+        name = str(table.columns["against"][path[0]])
+        if not name or is_closed(path) or len(path) < 2:
+            continue
+        x = places(table)[path]
+        vertices = facet_vertices(body.tagged.mesh, body.tagged.facets(name))[:, :, :2]
+        for end, inside in ((0, 1), (-1, -2)):
+            way = x[end] - x[inside]
+            beyond = (vertices.reshape(-1, 2) - x[end]) @ way > way @ way
+            if parallel.any_rank(body.comm, beyond):
+                ends.append(int(path[end]))
+    return ends
+
+
+def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
     """What counts of the material of a cell: its kind, and its expansion where something
     expands.
     """
     strained = bool(body.statement.of(InitialStrain))
-    materials = body.materials
-    inside = (
-        one
-        for one in reversed(materials)
-        if one.region is None or cell in body.tagged.cells(one.region)
-    )
-    material = next(inside, materials[0])
-    return *material.kind, strained and material.expansion
+    parts = []
+    for one in reversed(body.materials):
+        cells = None if one.region is None else {*map(int, body.tagged.cells(one.region))}
+        parts.append(((*one.kind, strained and one.expansion), cells))
+
+    def of(cell: int) -> tuple[Any, ...]:
+        within = (counts for counts, cells in parts if cells is None or cell in cells)
+        return next(within, parts[-1][0])
+
+    return of
 
 
-def _normal(vertices: Array, inside: Array) -> Array:
-    """The unit normal of a facet that points away from a point inside."""
-    normal = np.linalg.svd(vertices - vertices.mean(axis=0))[2][-1]
-    return normal * np.sign(normal @ (vertices.mean(axis=0) - inside))
-
-
-def _condition(
-    body: Model, facet: int, normal: Array, corners: Array
-) -> tuple[str, tuple[str, ...], str]:
-    """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
-    tagged = body.tagged
+def _conditions(body: Model) -> Callable[[int, Array, Array], tuple[str, tuple[str, ...], str]]:
+    """What is prescribed on a facet with a normal and these corners, by which boundaries, and how
+    it may touch another body.
+    """
     dim = body.tagged.dimension
-    supports = [one for one in body.held if one.where and facet in tagged.facets(one.where)]
-    contacts = [
+
+    @cache
+    def facets_of(name: str) -> set[int]:
+        return {*map(int, body.tagged.facets(name))}
+
+    @cache
+    def rank_of(rows: tuple[tuple[float, ...], ...]) -> int:
+        return int(np.linalg.matrix_rank(np.array(rows), tol=1e-6))
+
+    holding = [effect for effect in body.held if effect.where]
+    touched = [
         (effect, name)
         for effect in body.contacts
         for name in (effect.boundary, effect.against)
-        if name is not None and facet in tagged.facets(name)
+        if name is not None
     ]
-    paired = ["bonded" if effect.bonded else "contact" for effect, _ in contacts if effect.against]
-    touching = [effect for effect, _ in contacts]
-    rows = [
-        normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None
-    ]
-    for effect in supports:
-        rows += [
-            np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None
+
+    def of(facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
+        supports = [effect for effect in holding if facet in facets_of(effect.where)]
+        contacts = [(effect, name) for effect, name in touched if facet in facets_of(name)]
+        paired = [
+            "bonded" if effect.bonded else "contact" for effect, _ in contacts if effect.against
         ]
-    names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
-    if (zero := body.kinematics.zero_on_axis) and on_axis(corners, body.tagged).all():
-        rows.append(np.eye(dim)[zero[0]])
-    still = body.kinematics.out_of_section > 0 and any(
-        effect.components[2] is not None for effect in supports
-    )  # around the axis
-    if not rows and not still:
-        return "free", (), ""
-    clamped = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
-    held = clamped or any(effect.friction.acts for effect in touching)
-    return "held" if held else "guided", names, min(paired, default="")
+        touching = [effect for effect, _ in contacts]
+        rows = [
+            normal
+            for effect in (*supports, *touching)
+            if getattr(effect, "normal", 0.0) is not None
+        ]
+        for effect in supports:
+            rows += [
+                np.eye(dim)[k]
+                for k, value in enumerate(effect.components[:dim])
+                if value is not None
+            ]
+        names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
+        if (zero := body.kinematics.zero_on_axis) and on_axis(corners, body.tagged).all():
+            rows.append(np.eye(dim)[zero[0]])
+        still = body.kinematics.out_of_section > 0 and any(
+            effect.components[2] is not None for effect in supports
+        )  # around the axis
+        if not rows and not still:
+            return "free", (), ""
+        clamped = still or rank_of(tuple(tuple(map(float, row.round(7))) for row in rows)) == dim
+        held = clamped or any(effect.friction.acts for effect in touching)
+        return "held" if held else "guided", names, min(paired, default="")
+
+    return of

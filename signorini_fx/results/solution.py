@@ -18,7 +18,7 @@ from signorini_fx.arrays import Array
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
 from signorini_fx.machine import parallel
-from signorini_fx.machine.display import html_table
+from signorini_fx.machine.display import html_table, point_in_words
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
@@ -40,7 +40,6 @@ from signorini_fx.records import (
     Timings,
 )
 from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
-from signorini_fx.results.accuracy.pressure_error import growing_rows
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_figures import (
@@ -53,9 +52,9 @@ from signorini_fx.results.limit import UNDECIDED, ended_by, limit_of_ramp
 from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
 from signorini_fx.results.present_area import present_pressure
 from signorini_fx.results.resultants import Resultants
-from signorini_fx.results.singularities import why_no_limit
+from signorini_fx.results.singularities import no_limit_of_pressure, singular_corners
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.tuned import NOTABLE, ZERO_IN_SOLUTION
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
@@ -65,6 +64,7 @@ if TYPE_CHECKING:
         CostOfAccuracy,
         LimitOfRamp,
         Price,
+        PrintedNumber,
         SectionForce,
     )
     from signorini_fx.results.accuracy.level_results import LevelResult
@@ -98,6 +98,8 @@ class Solution:
         convergence_table: errors and cost of each of them, and predictions for the next one;
             otherwise empty.
         remedy: what to do about the outcome, where more is known of it than its status.
+        reached: the load step of the results as it was solved, for adjoint states; None: of a
+            nonlinear body, of forms, and of earlier load steps.
 
     Examples:
         >>> print(np.round(solution.contact.forces[0], 6), solution.certificate.holds)
@@ -120,6 +122,7 @@ class Solution:
     levels: tuple[LevelResult, ...] = ()
     convergence_table: tuple[Price, ...] = ()
     remedy: str = ""
+    reached: Any = None
 
     def __repr__(self) -> str:
         """Return one line, because the fields contain whole meshes and matrices."""
@@ -295,6 +298,7 @@ class Solution:
             contact=step.contact,
             certificate=step.certificate,
             steps=(*past, step),
+            reached=self.reached if step is self.last_step else None,
         )
 
     @property
@@ -353,7 +357,7 @@ class Solution:
 
     @cached_property
     def _stress(self) -> RawStresses | str:
-        stress = self.mechanics.stress(self.displacement, self._position)
+        stress = self.mechanics.stress(self.displacement, self.place)
         return (
             stress
             if isinstance(stress, str)
@@ -366,24 +370,8 @@ class Solution:
         the body, or an end of its contact boundary, towards which it is convex; None: nothing is
         known; collective.
         """
-        if not isinstance(self.mechanics, StatedMechanics) or not self.certified:
-            return None
-        columns = self.table.columns
-        pressed = columns["weight"] * (columns["pressure"] > 0)
-        if not pressed.any():
-            return None
-        mean = np.average(columns["pressure"], weights=pressed)
-        for row in growing_rows(self.table):
-            place = tuple(float(columns[axis][row]) for axis in "xyz" if axis in columns)
-            reason = why_no_limit(self.model, place)
-            if not reason and columns.get("against", {row: ""})[row]:
-                # Each body alone is bounded there.
-                steep = columns["pressure"][row] > (1 + NOTABLE) * mean
-                reason = "at the edge of one body on another" if steep else None
-            if reason:
-                at = ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in place)
-                return f"{reason}, ({at})"
-        return None
+        stated = isinstance(self.mechanics, StatedMechanics)
+        return no_limit_of_pressure(self.model, self.table) if stated and self.certified else None
 
     @cached_property
     def resultants(self) -> Resultants:
@@ -391,7 +379,7 @@ class Solution:
         collective.
         """
         y = self.displacement
-        acting = (self.last_step.acting or partial(self.mechanics.acting, y, self._position))()
+        acting = (self.last_step.acting or partial(self.mechanics.acting, y, self.place))()
         conditions = self.mechanics.conditions(y)
         return Resultants(self.model, self.statement, y, self.contact, conditions, acting)
 
@@ -400,7 +388,7 @@ class Solution:
         """The forces through sections that are tightened; with load steps, in the last one;
         collective.
         """
-        return section_forces(self.model, self.displacement, self._position)
+        return section_forces(self.model, self.displacement, self.place)
 
     @cached_property
     def corner_figures(self) -> list[CornerFigures]:
@@ -442,7 +430,7 @@ class Solution:
             return None
         if reason := self.mechanics.no_bounds:
             return reason
-        return add_on("error_bound")(self.model, self.displacement, self.contact, self._position)
+        return add_on("error_bound")(self.model, self.displacement, self.contact, self.place)
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
@@ -462,15 +450,12 @@ class Solution:
         if not error:
             if prices and asked != "energy":
                 return f"the error of {NAMES[asked]} is not estimated"
-            if self.last_step.strain_energy is None:
-                if isinstance(known := self.error_shares, str):
-                    return known
-                error = float(np.sqrt(parallel.global_sum(self.comm, known.sum())))
-                able = able and self.statement.units is not None
-            elif self.known_stress is None:
-                return "forms alone have no error estimate: give stress="
-            elif not (error := self.known_stress.error):
-                return "there is no stress, or no error of it"
+            if isinstance(known := self.mean_error, str):
+                return known
+            error = known
+            able = able and (
+                self.last_step.strain_energy is not None or self.statement.units is not None
+            )
         if error < ZERO_IN_SOLUTION:
             if any(STEPS_UNESTIMATED in finding.message for finding in self.findings):
                 return STEPS_UNESTIMATED
@@ -480,9 +465,43 @@ class Solution:
         solved = [(price.dofs, price.seconds) for price in prices] or [
             (self.model.dofs, sum(seconds.values()))
         ]
-        return next_cost(
+        cost = next_cost(
             self.statement, self.model.tagged, asked, error, solved, starting, able=able
         )
+        plane = self.model.tagged.dimension == 2
+        if self.statement.finite_strains and cost.local and plane:
+            # Divided cells follow a stress without a limit until they fold.
+            for corner, _ in singular_corners(self.model)[:1]:
+                said = f"{cost.statement}, unless cells fold at {point_in_words(corner)}"
+                return cost.model_copy(update={"statement": said})
+        return cost
+
+    @cached_property
+    def mean_error(self) -> float | str:
+        """Return the estimated relative error of the stress, which is that of the displacement in
+        the energy norm, or why it is unknown; collective.
+        """
+        if self.last_step.strain_energy is None:
+            known = self.error_shares
+            if isinstance(known, str):
+                return known
+            return float(np.sqrt(parallel.global_sum(self.comm, known.sum())))
+        if self.known_stress is None:
+            return "forms alone have no error estimate: give stress="
+        return self.known_stress.error or "there is no stress, or no error of it"
+
+    @cached_property
+    def numbers(self) -> dict[str, PrintedNumber]:
+        """The numbers that ``solve`` prints, by name, each with half of the interval that it is in
+        as its ``error``, or ``why`` that is not known; none without a solution; collective.
+
+        Examples:
+            >>> print(solution.numbers["force"])
+            (0, 4) from the loads
+        """
+        from signorini_fx.results.number_errors import printed_numbers
+
+        return printed_numbers(self) if self.last_step.status is Status.CONVERGED else {}
 
     @cached_property
     def error_shares(self) -> Array | str:
@@ -507,7 +526,7 @@ class Solution:
         if reason := self.mechanics.no_bounds:
             return reason
         interval = add_on("force_bounds")(
-            self.model, self.displacement, self.contact, boundary, direction, self._position
+            self.model, self.displacement, self.contact, boundary, direction, self.place
         )
         return interval
 
@@ -519,7 +538,7 @@ class Solution:
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
-        return friction_used(self.model, self.contact, self._position)
+        return friction_used(self.model, self.contact, self.place)
 
     def plot(self, field: str | Sequence[str] = (), *, ax: Any = None) -> Any:
         """Return pictures that a notebook displays, or draw a body in 2D on axes, see the function
@@ -562,7 +581,7 @@ class Solution:
         add_on("animate")(self, file, field, **options)
 
     @property
-    def _position(self) -> float:
+    def place(self) -> float:
         """The place in the lists of factors of the load step that the displacement belongs to."""
         return self.last_step.place if self.steps else 0.0
 

@@ -17,17 +17,25 @@ import numpy as np
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.singularities import why_no_limit
-from signorini_fx.tuned import DIGITS_OF_FILES, SAME_LENGTH
+from signorini_fx.results.singularities import singular_corners, why_no_limit
+from signorini_fx.tuned import (
+    DIGITS_OF_FILES,
+    FEWEST_KRYLOV_UNKNOWNS,
+    MARGIN,
+    NOTABLE,
+    SAME_LENGTH,
+)
 
 # Components of the tensor by name.
 COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
@@ -394,11 +402,68 @@ class RawStresses(StressFields):
             {name: self._told(entry, finite=finite) for name, entry in extremes.items()}
             for extremes in (raw, recovered)
         )
+        if recovered_rows:
+            error = self._error_of_largest(raw["von_mises"], recovered["von_mises"])
+            largest = rows["von_mises"], recovered_rows["von_mises"]
+            for row in largest:
+                row["error"] = error
+            if all(row.get("no_limit", "") is None for row in largest):
+                rows["von_mises"]["no_limit"] = self._no_limit_elsewhere(raw["von_mises"].value)
+                recovered_rows["von_mises"]["no_limit"] = rows["von_mises"]["no_limit"]
         return {
             **rows,
             "recovered": recovered_rows or None,
             "error": self.error if finite else None,
         }
+
+    def _no_limit_elsewhere(self, largest: float) -> str | None:
+        """Why, and at which corner of a body, there is a larger stress on a finer mesh: one that
+        has no limit, and carries a notable share of the largest one already; of a large body in 3D
+        nobody asks; collective.
+        """
+        model: Model = self.mechanics.model
+        dim = model.tagged.dimension
+        if dim == 3 and model.dofs > FEWEST_KRYLOV_UNKNOWNS:
+            return None
+        x = node_positions(self.tensor.function_space)[:, :dim]
+        places = cKDTree(x)
+        found = list[tuple[float, str]]()
+        for corner, reason in singular_corners(model):
+            there = places.query_ball_point(corner, SAME_LENGTH * model.tagged.size)
+            share = parallel.largest(self.comm, self.von_mises.x.array[there]) / largest
+            found.append((share, f"{reason}, {point_in_words(corner)}"))
+        share, why = max(found, default=(0.0, ""))
+        return why if share > 2 * NOTABLE else None
+
+    def _error_of_largest(self, raw: Extreme, recovered: Extreme) -> float:
+        """The error of the larger one of the largest von Mises stresses: from their difference, and
+        in the cells at the place of the raw one from their jumps, from what is recovered there, and
+        from its mean; collective.
+        """
+        model: Model = self.mechanics.model
+        off = [abs(recovered.value - raw.value)]
+        mean: Array = np.zeros(2)
+        # Another body or material may have another stress there.
+        parts = model.pieces.of_cell.copy()
+        for number, cells in enumerate(self.stress.parts):
+            parts[cells] += number * (1 + parts.max(initial=0))
+        part = -1
+        for fields in (self, self.recovered):
+            space = fields.tensor.function_space
+            x = node_positions(space)[:, : space.mesh.topology.dim]
+            near = np.linalg.norm(x - raw.place, axis=1) <= SAME_LENGTH * model.tagged.size
+            nodes = space.dofmap.list
+            cell, at = np.nonzero(near[nodes])
+            values = fields.von_mises.x.array
+            there = values[nodes[cell, at]]
+            if part < 0:
+                largest = there >= raw.value * (1 - DIGITS_OF_FILES)
+                part = int(parallel.largest(self.comm, parts[cell[largest]], -1.0))
+            same = parts[cell] == part
+            off.append(raw.value + parallel.largest(self.comm, -there[same], -np.inf))
+            around = values[nodes[np.unique(cell[same])]]
+            mean = parallel.global_sum(self.comm, np.array([around.sum(), around.size]))
+        return float(MARGIN * max(*off, abs(raw.value - mean[0] / max(mean[1], 1.0))))
 
     def utilisation(self) -> dict[str, Any] | None:
         """The largest share of the yield stress, of raw and recovered stress the one that uses

@@ -322,6 +322,11 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
                 columns["weight"][touching & (columns["friction"] == "stick")].sum()
             ),
         }
+        errors = {"contact_force": "force", "friction_force": "friction"}
+        errors |= {"max_pressure": "largest pressure", "contact_area": "contact area"}
+        for figure, name in errors.items():
+            error = solution.numbers[name].error if name in solution.numbers else None
+            figures[f"{figure}_error"] = float("nan") if error is None else error
     figures |= solution.last_step.figures
     if solution.last_step.status is not Status.CONVERGED:
         figures = dict.fromkeys(figures, float("nan"))

@@ -177,15 +177,21 @@ def solve_contact(
     ended = last_solved(reports)
     mechanics = last.mechanics
     found = partial(_findings, mechanics, results)
-    solution = contact_solution(mechanics, results, problem.task, ended, problem.timings, found)
-    return replace(solution, state=state), problem.task, ended[0]
+    solution = contact_solution(
+        mechanics,
+        results,
+        problem.task,
+        (ended.outcome, ended.data),
+        problem.timings,
+        found,
+    )
+    return replace(solution, state=state, reached=ended), problem.task, ended.outcome
 
 
-def last_solved(reports: Sequence[Report]) -> tuple[Outcome, RegularisedData]:
-    """How the last load step with a solution has ended, or the first one, and its data."""
+def last_solved(reports: Sequence[Report]) -> Report:
+    """How the last load step with a solution has ended, or the first one."""
     solved = (report for report in reversed(reports) if report.result.status is Status.CONVERGED)
-    report = next(solved, reports[0])
-    return report.outcome, report.data
+    return next(solved, reports[0])
 
 
 def contact_solution(

@@ -23,13 +23,6 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.addons.derivatives.adjoint import (
-    Adjoint,
-    Explicit,
-    LinearisedLaw,
-    TransposedTangent,
-    linearised,
-)
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -42,6 +35,13 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import ContactForce, Functional
+from signorini_fx.results.accuracy.adjoint import (
+    Adjoint,
+    Explicit,
+    LinearisedLaw,
+    TransposedTangent,
+    law_at,
+)
 from signorini_fx.solving.frames import turned
 from signorini_fx.tuned import ROOT_OF_EPS
 
@@ -85,10 +85,8 @@ class SolvedStep:
         if law is not None and law.follows_slip:
             reason = "derivatives are not possible yet where it follows the speed of slip"
             raise FormError.at("contact.friction", reason)
-        exact = not all(np.isfinite(task.promised(outcome)[:2]))
-        data = start.data if exact else outcome.problem.data
-        gamma = data.gamma_n, data.gamma_t
-        linear_law = linearised(state, law, gamma, exact=exact, before=start.data.mu_hat)
+        linear_law = law_at(task, outcome, start, state, law)
+        exact = linear_law.exact
         if turning is not None:
             linear_law = replace(linear_law, slips=turning[1])
             alone = (
@@ -119,7 +117,7 @@ class SolvedStep:
             linear_law,
             state,
             displacement,
-            0.0 if exact else 1 / data.gamma_t,
+            0.0 if exact else 1 / float(linear_law.gamma[1]),
             *((None, None) if turning is None else turning[::2]),
         )
 

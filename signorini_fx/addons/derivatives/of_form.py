@@ -11,7 +11,6 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from signorini_fx.addons.derivatives.adjoint import Explicit, TransposedTangent
 from signorini_fx.addons.derivatives.gradient import ChangedStep, SolvedStep, difference, explicit
 from signorini_fx.arrays import Array, length
 from signorini_fx.errors import FormError, SceneError, SignoriniError
@@ -21,6 +20,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import Functional, Gradient, functional_of
+from signorini_fx.results.accuracy.adjoint import Explicit, TransposedTangent
 from signorini_fx.tuned import (
     DIFFERENCE_STEP,
     LEFT_BY_SOLVES,

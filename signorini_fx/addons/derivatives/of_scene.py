@@ -12,7 +12,6 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from signorini_fx.addons.derivatives.adjoint import Explicit
 from signorini_fx.addons.derivatives.gradient import (
     By,
     ChangedStep,
@@ -42,6 +41,7 @@ from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.differentiable import Functional, functional_of
 from signorini_fx.records import History, Timings
+from signorini_fx.results.accuracy.adjoint import REFUSES, Explicit
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, build_problem
@@ -51,18 +51,8 @@ from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.step import Report
 from signorini_fx.tuned import DIFFERENCE_STEP
 
-# Features of a scene that have no derivatives.
-REFUSES = {
-    "cohesion": "derivatives are not possible yet with bonds that tear: remove 'cohesion'",
-    "inertia": "derivatives of motions with inertia are not possible yet",
-    "material with a state": "derivatives are not possible yet with a material that has a state",
-    "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
-    "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",
-    "heat": "derivatives are not possible yet with heat: remove 'heat'",
-    "seeping": "derivatives are not possible yet with a fluid that seeps in: remove 'seeping'",
-    "wear": "derivatives are not possible yet with wear: remove 'wear'",
-    "shortening by force": "derivatives are not possible yet where a force shortens a section",
-    "driven foundation": "derivatives are not possible yet where a force moves it",
+# A feature of a scene that has adjoint states, but no derivatives.
+_OF_ONE_MESH = {
     "requested accuracy": "derivatives are those of one mesh, but the mesh depends on the data: "
     "remove `accuracy`",
 }
@@ -177,7 +167,7 @@ def sensitivity(
         raise SceneError.at("contact", "there is none: a problem without contact is linear")
     if reason := statement.kinematics.refuses.get("derivatives"):
         raise SceneError.at("material.hypothesis", reason)
-    _refuse(statement, REFUSES)
+    _refuse(statement, REFUSES | _OF_ONE_MESH)
     wanted = [of] if isinstance(of, str) else list(of)
     if statement.nonlinear:
         problem = partial(build_problem, scene, comm, History())

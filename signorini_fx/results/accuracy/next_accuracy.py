@@ -182,21 +182,17 @@ def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
     times = NEXT_ERROR[dimension]
     mesh = statement.origin.get("mesh")
     last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
-    if (
-        statement.generated and not statement.bodies and dimension == 2
-    ):  # the first mesh is a coarse one
+    if (statement.generated and not statement.bodies) or dimension == 3:
+        # The first mesh is one of degree 2, with larger cells where these are their halves.
+        coarser = 1.0
+        if statement.generated and isinstance(mesh, MeshGenerator):
+            coarser = mesh.coarsest(COARSER_START[2])
+        finer = 2 / statement.element.degree / coarser
         first = FIRST_UNKNOWNS
-        fall = last / FIRST_UNKNOWNS
-    elif (
-        dimension == 3
-    ):  # the first mesh is one of degree 2, with larger cells where these are their halves
-        coarser = (
-            mesh.coarsest(COARSER_START[2])
-            if statement.generated and isinstance(mesh, MeshGenerator)
-            else 1.0
-        )
-        first = max(dofs * (2 / coarser) ** 3, FIRST_UNKNOWNS)
-        fall = max(last / first, LOCAL_GROWTH)  # an accuracy takes two meshes
+        if dimension == 3 or statement.accuracy is None:  # else the mesh is one of divided cells
+            first = max(dofs * finer**dimension, first)
+        # In 3D an accuracy takes two meshes.
+        fall = last / first if dimension == 2 else max(last / first, LOCAL_GROWTH)
     else:  # with degree 2 a mesh has four times the unknowns, and half of the error
         first, fall = (
             (dofs, 1 / times) if statement.element.degree == 2 else (4 * dofs, 1 / times / 2)

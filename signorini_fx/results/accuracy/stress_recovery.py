@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -140,12 +140,53 @@ class StressRecovery:
         self._fill(y, step)
         total: Array = np.zeros(1)
         for cells in self._parts:
-            self._project(cells)
+            self._choose(cells)
+            self._project(self._projection())
             total = total + assemble(self._squares)
         if self._residual is not None:
             self._move_to(step)
             total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
+
+    def products(
+        self, y: fem.Function, others: Sequence[fem.Function], step: float = 0
+    ) -> list[Array]:
+        """Return a(e_y, e_z) of each owned cell for the error of a displacement y and that of each
+        of others z: the squared errors of y + z and y - z differ by four times that, shape (cells,)
+        each; collective.
+        """
+        sizes = [parallel.largest(self._comm, np.abs(one.x.array)) for one in (y, *others)]
+        steps = [sizes[0] / size if min(size, sizes[0]) > 0 else 1.0 for size in sizes[1:]]
+        found: list[Array] = [np.zeros(1) for _ in others]
+        moved_y = fem.Function(y.function_space)
+
+        def moved(number: int, sign: float) -> None:
+            moved_y.x.array[:] = y.x.array + sign * steps[number] * others[number].x.array
+            self._fill(moved_y, step)
+
+        for cells in self._parts:
+            self._choose(cells)
+            ksp = self._projection()
+            self._fill(y, step)
+            self._project(ksp)
+            kept = self._recovered.x.array.copy()
+            for number in range(len(others)):
+                moved(number, 1.0)
+                self._project(ksp)
+                more = assemble(self._squares)
+                moved(number, -1.0)
+                self._recovered.x.array[:] = 2 * kept - self._recovered.x.array
+                found[number] = found[number] + more - assemble(self._squares)
+        if self._residual is not None:
+            self._move_to(step)
+            for number in range(len(others)):
+                for sign in (1.0, -1.0):
+                    moved(number, sign)
+                    found[number] = found[number] + sign * assemble(self._residual)
+        return [
+            np.asarray(products / (4 * share), dtype=np.float64)
+            for products, share in zip(found, steps, strict=True)
+        ]
 
     def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[Indices, Array]]:
         """The projected stress of a displacement in each material: the cells, local numbers, ghosts
@@ -156,7 +197,8 @@ class StressRecovery:
         space = self._recovered.function_space
         stresses = []
         for cells in self._parts:
-            self._project(cells)
+            self._choose(cells)
+            self._project(self._projection())
             stresses.append(
                 (
                     cells,
@@ -171,10 +213,8 @@ class StressRecovery:
         self._displacement.x.scatter_forward()
         self._stress.refresh(step)
 
-    def _project(self, cells: Indices) -> None:
-        """Project the stress in one material, to which the forms are then restricted."""
-        self._choose(cells)
-        ksp = self._projection()
+    def _project(self, ksp: PETSc.KSP) -> None:
+        """Project the stress on the chosen cells."""
         moment, component = ksp.getOperators()[0].createVecs()
         values = assemble(self._moments)
         for k in range(self._components):

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_calls, petsc_options
@@ -32,6 +33,20 @@ from signorini_fx.arrays import Array, Flags, inner, length, quotient, rmatvec, 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
+
+# Features of a scene that have no adjoint states.
+REFUSES = {
+    "cohesion": "derivatives are not possible yet with bonds that tear: remove 'cohesion'",
+    "inertia": "derivatives of motions with inertia are not possible yet",
+    "material with a state": "derivatives are not possible yet with a material that has a state",
+    "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
+    "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",
+    "heat": "derivatives are not possible yet with heat: remove 'heat'",
+    "seeping": "derivatives are not possible yet with a fluid that seeps in: remove 'seeping'",
+    "wear": "derivatives are not possible yet with wear: remove 'wear'",
+    "shortening by force": "derivatives are not possible yet where a force shortens a section",
+    "driven foundation": "derivatives are not possible yet where a force moves it",
+}
 
 
 @dataclass(frozen=True)
@@ -77,6 +92,16 @@ class LinearisedLaw:
             np.linalg.solve(along.transpose(0, 2, 1), owed[:, 1:, None])[:, :, 0], dtype=np.float64
         )
         return np.column_stack((owed[:, 0] - inner(slips, normal), slips))
+
+
+def law_at(
+    task: Task, outcome: Outcome, start: Start, state: PointState, law: PointFriction | None
+) -> LinearisedLaw:
+    """The law at the solution of a load step that has just been solved; collective."""
+    exact = not all(np.isfinite(task.promised(outcome)[:2]))
+    data = start.data if exact else outcome.problem.data
+    gamma = data.gamma_n, data.gamma_t
+    return linearised(state, law, gamma, exact=exact, before=start.data.mu_hat)
 
 
 def linearised(

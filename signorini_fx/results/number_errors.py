@@ -1,0 +1,457 @@
+"""The errors of the numbers that ``solve`` prints: an interval for each, or why there is none.
+
+After an accuracy was asked for the meshes tell them.  On a single mesh the error of a force J is
+a(e_y, e_z) with the error of the adjoint state z of J (R. Becker and R. Rannacher, Acta Numerica 10
+(2001) 1-102), both by stress recovery, in sizes, cell by cell, as signs are not reliable; beside
+it there is what nodes miss of a gap that bends between them, what straight facets miss of an arc,
+and of friction what turns between two nodes.  Where no adjoint state is known, or it would take
+longer than a share of the solve, it is the square of that of the displacement, by J. A. Nitsche's
+argument.  Other numbers are known by what they are made of: the largest pressure by its kink and by
+the recovered stress there, the von Mises stress by its jumps, the contact area by the facets in
+which zones end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+
+from signorini_fx.arrays import Array, matvec, rmatvec
+from signorini_fx.errors import SignoriniError
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import point_in_words
+from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices, node_positions
+from signorini_fx.mechanics.contact_points.contact_table import is_closed
+from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.features import refused_by
+from signorini_fx.quantities.summary import PrintedNumber
+from signorini_fx.results.accuracy.adjoint import REFUSES, Adjoint, TransposedTangent, law_at
+from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
+from signorini_fx.results.accuracy.convergence_table import border_of
+from signorini_fx.results.accuracy.error_estimates import missed_by_points
+from signorini_fx.results.accuracy.pressure_error import chords, growing_rows
+from signorini_fx.results.singularities import ends_on_another, why_no_limit
+from signorini_fx.tuned import (
+    DIGITS_OF_FILES,
+    FEW_NODES,
+    MARGIN,
+    MOST_ADJOINT_UNKNOWNS,
+    NOTABLE,
+    ROOT_OF_EPS,
+    ZERO_IN_SOLUTION,
+)
+
+# The largest pressure is not resolved if it differs by more than the first share from those beside
+# it; it still grows towards an end if it bends by more than the second.
+_UNRESOLVED, _GROWS = 2 * NOTABLE, NOTABLE / 5
+# With fewer nodes in contact no figure of the contact tells anything but its first digit.
+_TOO_FEW = FEW_NODES // 2 + 1
+# Points at which loads are compared, on a facet in 2D, and as a degree of quadrature in 3D.
+_FINE, _FINE_DEGREE = 400, 40
+
+
+def printed_numbers(solution: Any) -> dict[str, PrintedNumber]:
+    """The numbers that are printed of a solution, by their names; collective."""
+    found = dict[str, PrintedNumber]()
+    if solution.contact is not None and solution.table.touching:
+        found |= _forces(solution)
+        found["largest pressure"] = _largest_pressure(solution)
+        found["contact area"] = _contact_area(solution)
+    return found
+
+
+# --- forces ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Resultant:
+    """A resultant force on a body: the name of its number, the force, the contacts that it is of,
+    and 1 if it is friction, else 0.
+    """
+
+    name: str
+    force: Array
+    parts: Sequence[int]
+    friction: int
+
+    @property
+    def size(self) -> float:
+        """Return how large it is."""
+        return float(np.linalg.norm(self.force))
+
+
+def _forces(solution: Any) -> dict[str, PrintedNumber]:
+    """The contact force and the friction force, of bodies that touch each other those of each
+    boundary.
+    """
+    each = solution.contact.forces_of_each
+    contacts = solution.model.contacts
+    groups = {"": range(len(contacts))}
+    if any(effect.against for effect in contacts) and len(contacts) > 1:
+        groups = {f" on {effect.boundary}": range(k, k + 1) for k, effect in enumerate(contacts)}
+    wanted = [
+        _Resultant(f"{kind}{name}", each[parts, number].sum(axis=0) + 0.0, parts, number)
+        for name, parts in groups.items()
+        for number, kind in enumerate(("force", "friction")[: 1 + solution.contact.has_friction])
+    ]
+    largest = float(np.linalg.norm(each, axis=2).max())
+    errors = _errors_of_forces(solution, wanted, largest)
+    few = f"{solution.table.touching} nodes in contact"
+    found = {}
+    for number, one in enumerate(wanted):
+        stated: dict[str, Any] = {"why": few} if solution.table.touching < _TOO_FEW else {}
+        if isinstance(errors, str):
+            stated = {"why": f"not known: {errors}"}
+        elif errors[number] <= ZERO_IN_SOLUTION * largest:
+            stated = {"error": 0.0, "why": "from the loads"}
+        else:
+            stated["error"] = errors[number]
+        found[one.name] = PrintedNumber(value=[*map(float, one.force)], **stated)
+    return found
+
+
+def _errors_of_forces(
+    solution: Any, wanted: Sequence[_Resultant], largest: float
+) -> list[float] | str:
+    """The error of each resultant, or why they are not known; ``largest``: of all forces."""
+    price = solved_price(solution)
+    turning = turning_shear(solution)
+    if price is not None and price.force is not None:
+        estimate = price.force * float(np.linalg.norm(solution.levels[-1].forces))
+        return [MARGIN * (estimate + one.friction * turning) for one in wanted]
+    error = solution.mean_error
+    if isinstance(error, str):
+        return error
+    bodies = _dual_weighted(solution, wanted)
+    if bodies is None:
+        body = (error**2 + _missed_by_points(solution)) * largest
+        bodies = [body * (not _from_loads(solution, one)) for one in wanted]
+    degree = solution.model.tagged.mesh.geometry.cmap.degree
+    angle = float(chords(solution.table, degree)[0].max(initial=0.0))
+    loads = force_between_points(solution.model, solution.place)
+    errors = []
+    for one, body in zip(wanted, bodies, strict=True):
+        turned = turning * one.friction * (body > ZERO_IN_SOLUTION * largest)
+        errors.append(MARGIN * (body + turned) + loads + angle**2 / 6 * one.size)
+    return errors
+
+
+def _from_loads(solution: Any, one: _Resultant) -> bool:
+    """Whether loads alone determine a resultant: on a flat contact boundary, where
+    nothing else holds the body in that direction.
+    """
+    model = solution.model
+    columns = solution.table.columns
+    bent = [np.ptp(columns[f"n_{axis}"]) for axis in "xyz" if f"n_{axis}" in columns]
+    others = any(effect.against for effect in model.contacts) or model.statement.of(Resistance)
+    if max(bent) > ROOT_OF_EPS or others or model.statement.nonlinear:
+        return False
+    held = set() if model.kinematics.uniform else {0}
+    for support in model.held:
+        given = [support.normal is not None or value is not None for value in support.components]
+        held |= {axis for axis, holds in enumerate(given) if holds}
+    return held.isdisjoint(np.flatnonzero(np.abs(one.force) > ROOT_OF_EPS * one.size).tolist())
+
+
+def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] | None:
+    """The sum of the sizes of a(e_y, e_z) in the cells, and what nodes miss of the gap, for each
+    resultant in its direction; None: no adjoint state is known, or it takes too long; collective.
+    """
+    model = solution.model
+    reached = solution.reached
+    if reached is None or model.dofs > MOST_ADJOINT_UNKNOWNS or not model.statement.material:
+        return None
+    law = reached.start.law
+    if any(refused_by(model.statement, REFUSES)) or (law is not None and law.follows_slip):
+        return None
+    boundary = solution.contact.boundary
+    task = reached.posed.task
+    try:
+        linear = law_at(task, reached.outcome, reached.start, solution.contact, law)
+        tangent = TransposedTangent(task.system, linear, symmetric=model.symmetric)
+        adjoints = list[Adjoint]()
+        for one in wanted:
+            way = one.force / one.size if one.size > 0 else np.eye(len(one.force))[0]
+            ways = np.where(np.isin(boundary.part, one.parts)[:, None], way, 0.0)
+            kappa = -rmatvec(boundary.frames, ways)
+            kappa[:, 0 if one.friction else slice(1, None)] = 0.0
+            nothing = model.vector(np.zeros(model.fixed.size))
+            adjoints.append(tangent.adjoint(nothing, kappa))
+    except SignoriniError:
+        return None
+    states = [model.function(adjoint.psi) for adjoint in adjoints]
+    products = solution.mechanics.recovery.products(solution.displacement, states, solution.place)
+    bow = _bow_of_gaps(solution)
+    missed = [boundary.weight @ (adjoint.tied[:, 0] * bow) for adjoint in adjoints]
+    sums = np.column_stack(([float(np.abs(one).sum()) for one in products], missed))
+    total = parallel.global_sum(model.comm, sums)
+    return [float(cells + abs(gap)) for cells, gap in total]
+
+
+def _missed_by_points(solution: Any) -> float:
+    """The share of a force that contact at nodes misses between them; collective."""
+    model = solution.model
+    table = solution.table
+    columns = table.columns
+    displaced = range(len(model.contacts) * model.statement.nonlinear)
+    missed = missed_by_points(solution.contact.boundary, table, model.kinematics, displaced)
+    work, force = parallel.global_sum(model.comm, np.array([part.sum() for part in missed]))
+    pushing = columns["weight"] * columns["pressure"]
+    return float(work / (pushing @ np.abs(columns["u_n"])) + force / pushing.sum())
+
+
+def solved_price(solution: Any) -> Any:
+    """The last mesh of a convergence table; None: there is none."""
+    prices = [price for price in solution.convergence_table if not price.predicted]
+    return prices[-1] if prices else None
+
+
+def _bow_of_gaps(solution: Any) -> Array:
+    """By how much the mean of a gap between nodes differs from what the nodes know of it, length,
+    at each point of this rank, shape (n,): all of a parabola through vertices with elements of
+    degree 1, with those of degree 2 what the nodes in the middle do not follow; zero in 3D.
+    """
+    boundary = solution.contact.boundary
+    table = solution.table
+    degree = solution.statement.element.degree
+    if table.facets is not None:
+        return np.zeros(boundary.size)
+    found = np.zeros(len(table.columns["x"]))
+    gap = table.columns["gap"]
+    for path in table.paths:
+        rows, s, own = table.unrolled(path)
+        ends = np.arange(0, len(rows), degree)
+        h = np.diff(s[ends])
+        if len(h) < 2 or (degree > 1 and (own.start or len(rows) % 2 == 0)):
+            continue
+        bends = np.diff(np.diff(gap[rows[ends]]) / h) * (h[1:] + h[:-1]) / 24
+        bow = np.interp(s, s[ends], np.pad(bends, 1, mode="edge"))
+        if degree > 1:
+            middle = (gap[rows[:-2:2]] + gap[rows[2::2]]) / 2 - gap[rows[1::2]]
+            bow -= np.interp(s, s[1::2], middle) * 2 / 3
+        found[path] = bow[own.start : own.stop + 1]
+    return _at_points(solution, found)
+
+
+def _at_points(solution: Any, values: Array) -> Array:
+    """Values of the rows of the contact table at the points of this rank, shape (n,); zero
+    between nodes.
+    """
+    table = solution.table
+    boundary = solution.contact.boundary
+    base = int(table.nodes.max(initial=0)) + 1
+    keys = table.nodes @ [base, 1]
+    order = np.argsort(keys)
+    wanted = boundary.part * base + boundary.global_nodes
+    rows = order[np.minimum(np.searchsorted(keys[order], wanted), keys.size - 1)]
+    return np.where((keys[rows] == wanted) & boundary.at_nodes, values[rows], 0.0)
+
+
+def turning_shear(solution: Any) -> float:
+    """The force of a shear that turns between two neighbouring nodes in contact, one of which
+    sticks or slips the other way, beyond what it changes beside them; 0 in 3D.
+    """
+    table = solution.table
+    columns = table.columns
+    total = 0.0
+    for path in table.paths:
+        rows, s, own = table.unrolled(path)
+        changes = np.abs(np.diff(columns["shear"][rows]))
+        beside = np.maximum(
+            np.concatenate(([0.0], changes[:-1])), np.concatenate((changes[1:], [0.0]))
+        )
+        state = columns["state"][rows]
+        turns = (state[1:] != state[:-1]) & (state[1:] != "open") & (state[:-1] != "open")
+        forces = np.where(turns, np.diff(s) / 2 * np.maximum(changes - beside, 0.0), 0.0)
+        total += float((forces * _around(solution, rows))[own].sum())
+    return total
+
+
+def _around(solution: Any, rows: Any) -> Array:
+    """The factor of lengths between nodes, see ``Kinematics.measure``, shape (rows - 1,)."""
+    x = places(solution.table)[rows]
+    measure = solution.model.kinematics.measure_at((x[1:] + x[:-1]).T / 2)
+    return np.broadcast_to(measure, len(rows) - 1)
+
+
+def force_between_points(model: Any, place: float) -> float:
+    """The force of loads on boundaries that their quadrature misses, as where one jumps within a
+    facet; collective.
+    """
+    mesh = model.tagged.mesh
+    dim = model.tagged.dimension
+    total = 0.0
+    for load in model.statement.of(ForceDensity):
+        if not load.varies or load.nodal or load.where is None:
+            continue
+        factor, now = model.statement.now(load, place)
+        vertices = facet_vertices(mesh, model.tagged.facets(load.where))
+        simplex = mesh.topology.cell_name() in ("triangle", "tetrahedron")
+        kind = "interval" if dim == 2 else "triangle" if simplex else "quadrilateral"
+        cell = getattr(basix.CellType, kind)
+        corners = vertices[:, : len(basix.geometry(cell))]
+        element = basix.create_element(basix.ElementFamily.P, cell, 1)
+        along = (np.arange(_FINE)[:, None] + 0.5) / _FINE, np.full(_FINE, 1 / _FINE)
+        rules = (
+            basix.make_quadrature(cell, load.degree(model.statement.element.degree)),
+            along if dim == 2 else basix.make_quadrature(cell, _FINE_DEGREE),
+        )
+        forces = []
+        for points, weights in rules:
+            shares = element.tabulate(0, points)[0, :, :, 0]
+            x = np.einsum("qc,fcd->dfq", shares, corners)
+            around = model.kinematics.measure_at(x[:dim].reshape(dim, -1))
+            given = [value for value in now.given.values() if value is not None]
+            values = np.stack([sample(value, x.reshape(3, -1)) * around for value in given])
+            values = values.reshape(len(values), *x.shape[1:])
+            forces.append(values @ weights)
+            if len(forces) == 1:
+                # What varies little within a facet is integrated well enough.
+                varies = np.ptp(values, axis=2).max(axis=0, initial=0.0)
+                jumps = varies > NOTABLE * np.abs(values).max(initial=0.0)
+                corners = corners[jumps]
+                forces[0] = forces[0][:, jumps]
+        missed = np.linalg.norm(forces[1] - forces[0], axis=0)
+        total += abs(factor) * float(missed @ _sizes(corners))
+    return parallel.total(model.comm, np.array(total))
+
+
+def _sizes(corners: Array) -> Array:
+    """By how much facets with these corners are larger than the reference facet, shape (f,)."""
+    sides = corners[:, 1:3] - corners[:, :1]
+    if sides.shape[1] == 1:
+        return np.linalg.norm(sides[:, 0], axis=1)
+    return np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+
+
+# --- the contact ----------------------------------------------------------------------------------
+
+
+def _largest_pressure(solution: Any) -> PrintedNumber:
+    """Return the largest pressure."""
+    table = solution.table
+    columns = table.columns
+    row = int(np.argmax(columns["pressure"]))
+    value = float(columns["pressure"][row])
+    place = [round(float(columns[axis][row]), 9) + 0.0 for axis in "xyz" if axis in columns]
+    known: dict[str, Any] = {"value": value, "place": place}
+    price = solved_price(solution)
+    if price is not None and price.peak is not None:
+        return PrintedNumber(**known, error=MARGIN * price.peak * value)
+    kink = _kink(table, row)
+    recovered = _recovered_pressure(solution, row)
+    if recovered is not None:
+        width = max(kink, abs(recovered / value - 1))
+    else:
+        error = solution.mean_error
+        width = MARGIN * kink if isinstance(error, str) else max(kink, error**2)
+    if table.touching < _TOO_FEW:
+        width = max(width, 1 / (1 + table.touching))
+        return PrintedNumber(**known, error=width * value, why=f"{table.touching} nodes in contact")
+    if (reason := solution.no_limit_of_pressure) is not None:
+        return PrintedNumber(**known, why=f"no finite value: {reason}")
+    if at := _near_a_corner(solution):
+        return PrintedNumber(**known, why=f"not known: it may have no limit at {at}")
+    if row in growing_rows(table) and kink > _GROWS:
+        return PrintedNumber(**known, why="not known: still growing towards the end")
+    if kink >= _UNRESOLVED:
+        return PrintedNumber(**known, why=f"not resolved: {100 * kink:.0f} % to the next node")
+    return PrintedNumber(**known, error=width * value)
+
+
+def _near_a_corner(solution: Any) -> str:
+    """The end of a contact boundary in 2D where a pressure would have no limit, and that contact
+    reaches with a large one, or all but for one facet; "": there is none; collective.
+    """
+    table = solution.table
+    touching = table.columns["state"] != "open"
+    pressure = table.columns["pressure"]
+    x = places(table)
+    beyond = ends_on_another(solution.model, table)
+    # Facets of an arc open the angle that it has with a plane of symmetry.
+    straight = not chords(table)[0].size
+    for path in table.paths if table.facets is None else ():
+        for end, inside in ((0, 1), (-1, -2)):
+            if is_closed(path) or len(path) < 2:
+                continue
+            row = int(path[end])
+            near = touching[path[inside]] and not touching[row]
+            if near or (straight and 2 * pressure[row] > pressure.max()):
+                place = tuple(map(float, x[row]))
+                if row in beyond or why_no_limit(solution.model, place):
+                    return point_in_words(place)
+    return ""
+
+
+def _kink(table: Any, row: int) -> float:
+    """By how much the pressure at a row differs from the mean of its neighbours, relative; at an
+    end by how much it bends.
+    """
+    pressure = table.columns["pressure"]
+    if table.facets is not None:
+        surface = ContactSurface.of(table)
+        at = (surface.corners == row).any(axis=1)
+        beside = np.setdiff1d(np.unique(surface.corners[at]), [row])
+        return float(abs(pressure[beside].mean() / pressure[row] - 1)) if beside.size else 1.0
+    for path in table.paths:
+        rows, _, own = table.unrolled(path)
+        for at in np.flatnonzero(rows == row)[: 1 if own.start == 0 else None]:
+            if 0 < at < len(rows) - 1:
+                mean = (pressure[rows[at - 1]] + pressure[rows[at + 1]]) / 2
+                return float(abs(mean / pressure[row] - 1))
+            if len(rows) > 2:
+                way = 1 if at == 0 else -1
+                inside, next_one = pressure[rows[at + way]], pressure[rows[at + 2 * way]]
+                return float(abs(pressure[row] - 2 * inside + next_one) / pressure[row])
+    return 1.0
+
+
+def _recovered_pressure(solution: Any, row: int) -> float | None:
+    """Minus the normal stress of the recovered one at a row of the table; None: there is none;
+    collective.
+    """
+    stress = solution.known_stress
+    if stress is None or not stress.recovers:
+        return None
+    columns = solution.table.columns
+    dim = solution.model.tagged.dimension
+    tensor = stress.recovered.tensor
+    x = node_positions(tensor.function_space)[:, :dim]
+    place = np.array([columns[axis][row] for axis in "xyz"[:dim]])
+    away = np.linalg.norm(x - place, axis=1)
+    # Between vertices, where elements of degree 2 have nodes, the nearest ones.
+    nearest = -parallel.largest(solution.comm, -away, -np.inf)
+    near = away <= nearest * (1 + DIGITS_OF_FILES) + DIGITS_OF_FILES * solution.model.tagged.size
+    normal = np.zeros(3)
+    normal[:dim] = [columns[f"n_{axis}"][row] for axis in "xyz"[:dim]]
+    sigma = tensor.x.array.reshape(-1, 3, 3)[near]
+    sums = np.array([-(matvec(sigma, np.tile(normal, (len(sigma), 1))) @ normal).sum(), near.sum()])
+    pressure, count = parallel.global_sum(solution.comm, sums)
+    return float(pressure / count)
+
+
+def _contact_area(solution: Any) -> PrintedNumber:
+    """Return the area in contact, in 2D a length."""
+    table = solution.table
+    columns = table.columns
+    touching = columns["state"] != "open"
+    value = float(columns["weight"][touching].sum())
+    if table.facets is not None:
+        border = border_of(table)
+        return PrintedNumber(value=value, error=None if border is None else border * value)
+    ends = 0.0
+    for path in table.paths:
+        rows, s, own = table.unrolled(path)
+        sizes = np.diff(s) * _around(solution, rows)
+        ends += float((sizes * (touching[rows[1:]] != touching[rows[:-1]]))[own].sum())
+        # A pressure that falls to nothing within a facet may do so before the end.
+        for end, inside, size in ((0, 1, sizes[:1]), (-1, -2, sizes[-1:])):
+            falls = 2 * columns["pressure"][rows[end]] < columns["pressure"][rows[inside]]
+            if own.start == 0 and touching[rows[end]] and falls:
+                ends += float(size.sum())
+    return PrintedNumber(value=value, error=ends)
