@@ -155,7 +155,8 @@ def _from_loads(solution: Any, one: _Resultant) -> bool:
     for support in model.held:
         given = [support.normal is not None or value is not None for value in support.components]
         held |= {axis for axis, holds in enumerate(given) if holds}
-    return held.isdisjoint(np.flatnonzero(np.abs(one.force) > ROOT_OF_EPS * one.size).tolist())
+    acting = set(map(int, np.flatnonzero(np.abs(one.force) > ROOT_OF_EPS * one.size)))
+    return held.isdisjoint(acting)
 
 
 def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] | None:
@@ -212,7 +213,7 @@ def solved_price(solution: Any) -> Any:
 
 
 def _bow_of_gaps(solution: Any) -> Array:
-    """By how much the mean of a gap between nodes differs from what the nodes know of it, length,
+    """Return by how much the mean of a gap between nodes differs from what the nodes know of it, length,
     at each point of this rank, shape (n,): all of a parabola through vertices with elements of
     degree 1, with those of degree 2 what the nodes in the middle do not follow; zero in 3D.
     """
@@ -322,7 +323,7 @@ def force_between_points(model: Any, place: float) -> float:
 
 
 def _sizes(corners: Array) -> Array:
-    """By how much facets with these corners are larger than the reference facet, shape (f,)."""
+    """Return by how much facets with these corners exceed the reference facet, shape (f,)."""
     sides = corners[:, 1:3] - corners[:, :1]
     if sides.shape[1] == 1:
         return np.linalg.norm(sides[:, 0], axis=1)
@@ -389,7 +390,7 @@ def _near_a_corner(solution: Any) -> str:
 
 
 def _kink(table: Any, row: int) -> float:
-    """By how much the pressure at a row differs from the mean of its neighbours, relative; at an
+    """Return by how much the pressure at a row differs from its neighbours' mean, relative; at an
     end by how much it bends.
     """
     pressure = table.columns["pressure"]

@@ -105,7 +105,7 @@ def singular_corners(body: Model) -> list[tuple[Array, str]]:
 
 
 def _corners(body: Model, point: Array | None) -> Iterator[tuple[Array, float, str]]:
-    """Where facets near a place, None: all facets, meet so that the stress has no limit: their
+    """Yield where facets near a place, None: all, meet so that the stress has no limit: their
     common vertices, the size of the smaller one, and why; collective.
     """
     local = facets_near(body, point)
