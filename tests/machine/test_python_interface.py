@@ -257,11 +257,11 @@ def test_signature_of_a_table():
     """Keys and defaults, as help and a notebook show them."""
     shown = (
         "(*, boundary, against=None, points='auto', distance='geometry', adjust=None, "
-        "sliding='finite', gap=0.0, "
+        "sliding='finite', reach=None, gap=0.0, "
         "direction=None, foundation=None, friction=NoFriction(law='none'), contact_size=None, "
         "kind='unilateral', "
         "overclosure=None, "
-        "wear=None, cohesion=None, conductance=None, friction_heat=None)"
+        "wear=None, cohesion=None, conductance=None, friction_heat=None, seeping=None)"
     )
     assert str(inspect.signature(sfx.Contact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(

@@ -182,7 +182,7 @@ class Hyperelastic(NonlinearMaterial):
 
     Attributes:
         hypothesis, torsion, grading, density, region: see ``Material``.
-        expansion, conductivity, reference_temperature: see ``Material``.
+        expansion, conductivity, specific_heat, reference_temperature: see ``Material``.
 
     Examples:
         >>> soft = sfx.NeoHooke(law="neo-hooke", young=50.0, poisson=0.3)
@@ -233,7 +233,7 @@ class PathDependent(NonlinearMaterial):
 
     Attributes:
         hypothesis, torsion, grading, density, region: see ``Material``.
-        expansion, conductivity, reference_temperature: see ``Material``.
+        expansion, conductivity, specific_heat, reference_temperature: see ``Material``.
 
     Examples:
         >>> metal = sfx.J2(law="j2", young=1000.0, poisson=0.3, yield_stress=1.0)

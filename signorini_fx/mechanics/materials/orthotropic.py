@@ -84,7 +84,7 @@ class OrientedMaterial(Axes, Material):
     Attributes:
         direction, second: see ``Axes``.
         hypothesis, torsion, grading, density, region: see ``Material``.
-        expansion, conductivity, reference_temperature: see ``Material``.
+        expansion, conductivity, specific_heat, reference_temperature: see ``Material``.
 
     Examples:
         >>> class Fibres(sfx.OrientedMaterial):
