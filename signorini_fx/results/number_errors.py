@@ -33,14 +33,13 @@ from signorini_fx.quantities.summary import PrintedNumber
 from signorini_fx.results.accuracy.adjoint import REFUSES, Adjoint, TransposedTangent, law_at
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.convergence_table import border_of
-from signorini_fx.results.accuracy.error_estimates import missed_by_points
+from signorini_fx.results.accuracy.error_estimates import areas, missed_by_points
 from signorini_fx.results.accuracy.pressure_error import chords, growing_rows
 from signorini_fx.results.singularities import ends_on_another, why_no_limit
 from signorini_fx.tuned import (
     DIGITS_OF_FILES,
     FEW_NODES,
     MARGIN,
-    MOST_ADJOINT_UNKNOWNS,
     NOTABLE,
     ROOT_OF_EPS,
     ZERO_IN_SOLUTION,
@@ -155,8 +154,8 @@ def _from_loads(solution: Any, one: _Resultant) -> bool:
     for support in model.held:
         given = [support.normal is not None or value is not None for value in support.components]
         held |= {axis for axis, holds in enumerate(given) if holds}
-    acting = set(map(int, np.flatnonzero(np.abs(one.force) > ROOT_OF_EPS * one.size)))
-    return held.isdisjoint(acting)
+    along = np.flatnonzero(np.abs(one.force) > ROOT_OF_EPS * one.size)
+    return held.isdisjoint(map(int, along))
 
 
 def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] | None:
@@ -165,7 +164,7 @@ def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] |
     """
     model = solution.model
     reached = solution.reached
-    if reached is None or model.dofs > MOST_ADJOINT_UNKNOWNS or not model.statement.material:
+    if reached is None:
         return None
     law = reached.start.law
     if any(refused_by(model.statement, REFUSES)) or (law is not None and law.follows_slip):
@@ -318,16 +317,8 @@ def force_between_points(model: Any, place: float) -> float:
                 corners = corners[jumps]
                 forces[0] = forces[0][:, jumps]
         missed = np.linalg.norm(forces[1] - forces[0], axis=0)
-        total += abs(factor) * float(missed @ _sizes(corners))
+        total += abs(factor) * float(missed @ areas(corners)) / rules[0][1].sum()
     return parallel.total(model.comm, np.array(total))
-
-
-def _sizes(corners: Array) -> Array:
-    """Return by how much facets with these corners exceed the reference facet, shape (f,)."""
-    sides = corners[:, 1:3] - corners[:, :1]
-    if sides.shape[1] == 1:
-        return np.linalg.norm(sides[:, 0], axis=1)
-    return np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
 
 
 # --- the contact ----------------------------------------------------------------------------------

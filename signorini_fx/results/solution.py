@@ -99,7 +99,7 @@ class Solution:
             otherwise empty.
         remedy: what to do about the outcome, where more is known of it than its status.
         reached: the load step of the results as it was solved, for adjoint states; None: of a
-            nonlinear body, of forms, and of earlier load steps.
+            large or nonlinear body, of forms, and of earlier load steps.
 
     Examples:
         >>> print(np.round(solution.contact.forces[0], 6), solution.certificate.holds)

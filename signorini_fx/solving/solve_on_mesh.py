@@ -53,7 +53,7 @@ from signorini_fx.solving.step import (
     step,
 )
 from signorini_fx.solving.time_steps import all_steps
-from signorini_fx.tuned import PATH_ERROR_SHARE
+from signorini_fx.tuned import MOST_ADJOINT_UNKNOWNS, PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
     from signorini_fx.solving.restart import StoredStates
@@ -185,7 +185,9 @@ def solve_contact(
         problem.timings,
         found,
     )
-    return replace(solution, state=state, reached=ended), problem.task, ended.outcome
+    # What is kept of a large solve would take its memory.
+    reached = ended if model.dofs <= MOST_ADJOINT_UNKNOWNS else None
+    return replace(solution, state=state, reached=reached), problem.task, ended.outcome
 
 
 def last_solved(reports: Sequence[Report]) -> Report:

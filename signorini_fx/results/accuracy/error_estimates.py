@@ -205,7 +205,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
             other = (np.abs(there - linear) > beyond) & (
                 (moved >= there - beyond) != (moved >= linear - beyond)
             )
-            force = pressure[some] * other.mean(axis=1) * _areas(x[rows[some]])
+            force = pressure[some] * other.mean(axis=1) * areas(x[rows[some]])
             np.add.at(missed, cells[some], np.where(steps > beyond, force, 0.0))
     return missed
 
@@ -322,7 +322,7 @@ def _inside(nodes: int, dimension: int) -> dict[int, Array]:
     return {0: 1 - first - second, 1: first, 2: second}
 
 
-def _areas(corners: Array) -> Array:
+def areas(corners: Array) -> Array:
     """Return the areas of facets with these corners, shape (f, k, d), in 2D lengths, shape (f,)."""
     sides = corners[:, 1:] - corners[:, :1]
     if sides.shape[1] == 1:
