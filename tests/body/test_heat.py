@@ -548,6 +548,25 @@ def test_contact_takes_time():
     assert abs(solution.steps[-1].figures["heat_stored"]) < 1e-6
 
 
+def test_accuracy_in_time():
+    """Steps are divided as an accuracy asks for; a state without temperature begins as time 0 does,
+    here at 1.
+    """
+    changes = {
+        "material": {**BLOCK["material"], **STORES, "conductivity": 1e7},
+        "heat": {"boundary": "bottom", "film": 6.0, "ambient": 20.0},
+        "initial_temperature": {"temperature": 120.0},
+    }
+    cooled = 20.0 + 100.0 * np.exp(-1.0)
+    divided = block(**changes, load_steps={"times": [1.0], "time_accuracy": 0.03})
+    assert solve(divided).steps[0].figures["hottest"] == pytest.approx(cooled, rel=0.03)
+    cold = {key: value for key, value in BLOCK.items() if key != "heat"}
+    cold |= {"traction": {"boundary": "top", "y": "-5*t"}, "load_steps": {"times": [1.0]}}
+    later = block(**changes, load_steps={"times": [1.0, 2.0]})
+    warm = solve(later, state=solve(parse_scene(cold)).state)
+    assert warm.steps[0].figures["hottest"] == pytest.approx(70.0, rel=1e-5)
+
+
 def test_friction_takes_time():
     """Beyond the critical speed the rod heats from step to step: each step has a temperature."""
     given = {"young": 1e3, "poisson": 0.0, "expansion": 1e-3, **STORES}

@@ -16,12 +16,11 @@ from signorini_fx.algebra.contact.bond import Bond
 from signorini_fx.arrays import Array, inner, length, matvec, rmatvec
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.cohesion import PARAMETERS, Cohesion
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.step_effect import StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding
 from signorini_fx.tuned import NOTABLE, ROOT_OF_EPS
@@ -129,7 +128,7 @@ class TearingBonds(StepEffect):
         # Of a side that is narrow, and of one that is not: both as zones were found.
         wanted = 4 // int(model.space.element.basix_element.degree)
         for number, part in self.parts.items():
-            x = _positions(boundary)[:, boundary.part == number]
+            x = in_space(boundary.x[boundary.part == number])
             strength, shear, energy, second, _ = (
                 sample(1.0 if value is None else value, x) for value in part.parameters
             )
@@ -155,7 +154,7 @@ class TearingBonds(StepEffect):
         """
         boundary = contact.boundary
         comm = boundary.comm
-        x = _positions(boundary)
+        x = in_space(boundary.x)
         rows = np.ones((6, boundary.size))
         near = contact.gap <= ROOT_OF_EPS * contact.model.tagged.size
         damage = np.ones(boundary.size)
@@ -189,13 +188,6 @@ class TearingBonds(StepEffect):
                 reason = f"must be above {needed:.4g}, or the bond has torn before it softens"
                 raise SceneError.at(f"contact[{number}].cohesion.stiffness", reason)
         return replace(bond, stiffness=stiff)
-
-
-def _positions(boundary: ContactBoundary) -> Array:
-    """Positions of contact points, as expressions take them, length, shape (3, n)."""
-    x = np.zeros((3, boundary.size))
-    x[: boundary.x.shape[1]] = boundary.x.T
-    return x
 
 
 def _begun(now: ContactState, ended: StepEnd) -> tuple[Bond, tuple[Array, Array]]:

@@ -25,6 +25,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.algebra.linalg.factorisation import use_direct
 from signorini_fx.arrays import Array, Flags, Ints
@@ -242,10 +243,6 @@ class Conductor:
             values[nodes] = sample(given or 0.0, x[:, nodes])
         return values
 
-    def _moved_to(self, time: float) -> None:
-        """Give values that depend on the time those of a time."""
-        self.on.move_to(self.model.path.place_of(time))
-
     @cached_property
     def _stiffness(self) -> PETSc.Mat:
         return sum_of([self.matrix_form], [])
@@ -263,7 +260,7 @@ class Conductor:
         same = self._solved is not None and self._solved[0] == key
         if self._solved is not None and not parallel.any_rank(self.model.comm, not same):
             return self._solved[1]
-        self._moved_to(time)
+        self.on.set_time(time)
         owned = self.owned
         load = np.zeros(owned) if self.load_form is None else assemble(self.load_form)
         matrix = self._stiffness.copy()
@@ -305,7 +302,7 @@ class Conductor:
         collective.
         """
         comm = self.model.comm
-        self._moved_to(time)
+        self.on.set_time(time)
         self.temperature.x.array[:] = values
         residual = assemble(self.residual_form)
         # Of an even temperature all powers are round-off.
@@ -344,35 +341,28 @@ class Conductor:
         collective.
         """
         pieces = self.model.pieces
-        comm = self.model.comm
         if self.stores:
             return np.ones(pieces.count, dtype=bool)
-        known: Flags = np.zeros(pieces.count, dtype=bool)
         dofs = self.space.dofmap.list
         for entry in self.given:
             if entry.film is not None:
                 held = held | np.isin(np.arange(held.size), self.nodes_of(entry))
-        known[pieces.of_cell[held[dofs].any(axis=1)]] = True
-        known = parallel.global_sum(comm, known.astype(np.int64)) > 0
-        if passed is None:
-            return known
-        boundary = passed.map.boundary
-        piece_of = np.zeros(held.size)
-        piece_of[dofs.ravel()] = np.repeat(pieces.of_cell, dofs.shape[1])
-        of_node = passed.map.received(piece_of).astype(np.int64)
-        conducts = passed.conductance * boundary.weight > 0
-        linked: Array = np.zeros((pieces.count, pieces.count + 1))
-        shares = passed.map.rows
-        for point in np.flatnonzero(conducts):
-            touched = np.unique(of_node[shares.indices[slice(*shares.indptr[point : point + 2])]])
-            linked[np.ix_(touched, touched)] = 1.0
-            if self.model.contacts[boundary.part[point]].against is None:
-                linked[touched, -1] = 1.0
-        linked = parallel.global_sum(comm, linked)
-        known = known | (linked[:, -1] > 0)
-        for _ in range(pieces.count):
-            known = known | (linked[:, :-1][:, known] > 0).any(axis=1)
-        return np.asarray(known)
+        linked: Array = np.zeros((pieces.count + 1,) * 2)  # the last one: what is known
+        linked[pieces.of_cell[held[dofs].any(axis=1)], -1] = 1.0
+        if passed is not None:
+            boundary = passed.map.boundary
+            piece_of = np.zeros(held.size)
+            piece_of[dofs.ravel()] = np.repeat(pieces.of_cell, dofs.shape[1])
+            of_node = passed.map.received(piece_of).astype(np.int64)
+            shares = passed.map.rows
+            contacts = self.model.contacts
+            for point in np.flatnonzero(passed.conductance * boundary.weight > 0):
+                touched = of_node[shares.indices[slice(*shares.indptr[point : point + 2])]]
+                if contacts[boundary.part[point]].against is None:
+                    touched = np.append(touched, -1)
+                linked[np.ix_(touched, touched)] = 1.0
+        _, part = connected_components(parallel.global_sum(self.model.comm, linked), directed=False)
+        return np.asarray(part[:-1] == part[-1])
 
     def _of_pieces(self, chosen: Flags) -> Flags:
         """Which owned nodes are those of some pieces, shape (owned nodes,)."""
@@ -389,19 +379,26 @@ class Conductor:
         return f"the temperature of {loose} is not determined"
 
 
-def _used(state: State) -> Array:
+def _temperature(model: Model, state: State, name: str = "temperature") -> Array:
+    """A temperature of a state by the name of its field, or where it has none that before the first
+    step, shape (nodes,); collective.
+    """
+    known = state.fields.get(name)
+    return Conductor.of(model).first() if known is None else known.values.ravel()
+
+
+def _used(model: Model, state: State) -> Array:
     """The temperature that strains the body in a step from a state where contact decides it, shape
     (nodes,).
     """
-    fields = state.fields
-    return fields.get("heating", fields["temperature"]).values.ravel()
+    return _temperature(model, state, "heating" if "heating" in state.fields else "temperature")
 
 
 def _before(model: Model, state: State, time: float) -> Before | None:
     """What the step from a state to a time begins with; None: it is a steady one."""
     if not Conductor.of(model).stores:
         return None
-    return state.fields["temperature"].values.ravel(), time - state.time
+    return _temperature(model, state), time - state.time
 
 
 @dataclass(frozen=True)
@@ -433,7 +430,7 @@ class Conduction(StepEffect):
         if reason := self._undetermined(model):
             cure = "give it one, or a film, or its contact a conductance"
             raise SceneError.at("heat", f"{reason}: {cure}")
-        return state.with_field("temperature", "nodes", Conductor.of(model).first())
+        return state
 
     @staticmethod
     def _undetermined(model: Model) -> str:
@@ -452,7 +449,7 @@ class Conduction(StepEffect):
 
     def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
         if self._turns(model):
-            return {"temperature": _used(state)}
+            return {"temperature": _used(model, state)}
         return {"temperature": Conductor.of(model).solved(None, time, _before(model, state, time))}
 
     def _found(self, state: State, new: State, ended: StepEnd) -> Array:
@@ -470,7 +467,7 @@ class Conduction(StepEffect):
         relative to the range of temperatures; collective.
         """
         found = self._found(state, new, ended)
-        change = found - _used(state)
+        change = found - _used(ended.model, state)
         comm = ended.model.comm
         size = parallel.largest(comm, found) + parallel.largest(comm, -found)
         size = max(size, parallel.largest(comm, np.abs(found)) * _SETTLED)
@@ -502,7 +499,7 @@ class Conduction(StepEffect):
             return None
         fields = {
             **state.fields,
-            "heating": Field("nodes", _used(state) + turns[2] * change),
+            "heating": Field("nodes", _used(model, state) + turns[2] * change),
             "heat_change": Field("nodes", change),
             "heat_turns": Field("global", turns),
         }
@@ -516,7 +513,7 @@ class Conduction(StepEffect):
         found = self._found(state, new, ended)
         new = new.with_field("temperature", "nodes", found)
         if self._turns(ended.model):
-            new = new.with_field("heating", "nodes", _used(state))
+            new = new.with_field("heating", "nodes", _used(ended.model, state))
         if (passed := self._passed(new, ended)) is not None:
             jump = passed.jump(found)
             own = passed.map.of(found, passed.map.side)

@@ -6,13 +6,12 @@ solved.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 from pydantic import Field, model_validator
 
 from signorini_fx.mechanics.statement.base import refused
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Features
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, not_yet
 from signorini_fx.mechanics.statement.values import NonNegativeValue, Positive
 
 PARAMETERS = ("strength", "shear_strength", "energy", "shear_energy", "exponent")
@@ -49,22 +48,22 @@ class Cohesion(ContactPart):
         "shear_strength",
         "shear_energy",
     )
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        "cohesion": {
-            "requested accuracy": "is not possible yet with cohesion: its mesh is given",
-            "nested iteration": "is not possible yet with cohesion: leave out solver.levels",
-            "mixed element": "is not possible yet with cohesion: use 'reduced'",
-            "axisymmetric, torsion": "is not possible yet with cohesion: leave out "
-            "material.torsion",
-            "nonlinear material": "is not possible yet with cohesion: it must be linear",
-            "driven foundation": "is not possible yet with cohesion: prescribe a displacement",
+    refuses = not_yet(
+        "cohesion",
+        "requested accuracy",
+        "nested iteration",
+        "mixed element",
+        "axisymmetric, torsion",
+        "nonlinear material",
+        "driven foundation",
+        "inertia",
+        "preload",
+        more={
             "friction axes": "is not possible with cohesion: leave out friction.ratio",
-            "inertia": "is not possible yet with cohesion",
-            "preload": "is not possible yet with cohesion: prescribe a displacement",
             "statement of an error bound": _NOT_CONVEX,
             "soft contact": "is not possible with cohesion, whose bond has a stiffness of its own",
-        }
-    }
+        },
+    )
 
     strength: NonNegativeValue = Field(kw_only=False)
     energy: NonNegativeValue = Field(kw_only=False)
@@ -91,10 +90,6 @@ class Cohesion(ContactPart):
         shear = self.strength if self.shear_strength is None else self.shear_strength
         energy = self.energy if self.shear_energy is None else self.shear_energy
         return self.strength, shear, self.energy, energy, self.exponent
-
-    @property
-    def features(self) -> Features:
-        return (("cohesion", ()),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         path = ("contact", number, "cohesion")

@@ -6,8 +6,7 @@ How it is conducted is in ``mechanics.body.heat``, which is imported where a ste
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -17,8 +16,8 @@ from signorini_fx.mechanics.statement.effect import (
     ContactPart,
     Contradictions,
     Effect,
-    Features,
     InitialStrain,
+    not_yet,
 )
 from signorini_fx.mechanics.statement.values import (
     Finite,
@@ -29,7 +28,6 @@ from signorini_fx.mechanics.statement.values import (
     TimedSampledValue,
 )
 
-_NOT_YET = "is not possible yet with heat"
 _Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 
 
@@ -57,23 +55,22 @@ class Heat(InitialStrain):
         400.0
     """
 
-    key: ClassVar[str] = "heat"
-    step_effect: ClassVar[str] = "heat"
-    value_keys: ClassVar[tuple[str, ...]] = ("temperature", "flux", "film", "ambient", "source")
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        "heat": {
-            "temperature": "stays a change that is given: leave it out, or [[heat]]",
-            "inertia": _NOT_YET,
-            "wear": _NOT_YET,
-            "cohesion": _NOT_YET,
-            "preload": _NOT_YET,
-            "axisymmetric, torsion": f"{_NOT_YET}: leave out material.torsion",
-            "requested accuracy": f"{_NOT_YET}: its mesh is given",
-            "nested iteration": f"{_NOT_YET}: leave out solver.levels",
-            "nonlinear material": f"{_NOT_YET}: it must be linear",
-            "statement of an error bound": _NOT_YET,
-        }
-    }
+    key = "heat"
+    step_effect = "heat"
+    value_keys = ("temperature", "flux", "film", "ambient", "source")
+    refuses = not_yet(
+        "heat",
+        "inertia",
+        "wear",
+        "cohesion",
+        "preload",
+        "axisymmetric, torsion",
+        "requested accuracy",
+        "nested iteration",
+        "nonlinear material",
+        "statement of an error bound",
+        more={"temperature": "stays a change that is given: leave it out, or [[heat]]"},
+    )
 
     boundary: str | None = None
     region: str | None = None
@@ -149,9 +146,9 @@ class InitialTemperature(Effect):
         20.0
     """
 
-    key: ClassVar[str] = "initial_temperature"
-    value_keys: ClassVar[tuple[str, ...]] = ("temperature",)
-    positional: ClassVar[tuple[str, ...]] = ("temperature",)
+    key = "initial_temperature"
+    value_keys = ("temperature",)
+    positional = ("temperature",)
 
     temperature: SampledValue = Field(kw_only=False)
     region: str | None = None
@@ -192,9 +189,9 @@ class Conductance(_HeatOfContact):
         [38.637453]
     """
 
-    key: ClassVar[str] = "conductance"
-    value_keys: ClassVar[tuple[str, ...]] = ("temperature",)
-    positional: ClassVar[tuple[str, ...]] = ("closed",)
+    key = "conductance"
+    value_keys = ("temperature",)
+    positional = ("closed",)
 
     closed: NonNegative = Field(default=0.0, kw_only=False)
     exponent: NonNegative = 0.0
@@ -222,10 +219,6 @@ class Conductance(_HeatOfContact):
             if sorted(set(pressures)) != pressures:
                 raise ValueError("the pressures of a table must increase")
         return self
-
-    @property
-    def features(self) -> Features:
-        return ()
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
@@ -267,9 +260,9 @@ class FrictionHeat(_HeatOfContact):
         0.9
     """
 
-    key: ClassVar[str] = "friction_heat"
-    value_keys: ClassVar[tuple[str, ...]] = ()
-    positional: ClassVar[tuple[str, ...]] = ("fraction",)
+    key = "friction_heat"
+    value_keys = ()
+    positional = ("fraction",)
 
     fraction: _Share = Field(default=1.0, kw_only=False)
     share: _Share = 0.5
@@ -278,10 +271,6 @@ class FrictionHeat(_HeatOfContact):
     @classmethod
     def _short(cls, entry: Any) -> Any:
         return {"fraction": entry} if type(entry) in (int, float) else entry
-
-    @property
-    def features(self) -> Features:
-        return ()
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)

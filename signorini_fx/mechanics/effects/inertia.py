@@ -5,15 +5,15 @@ What a step is, is in ``mechanics.body.inertia``, which is imported where one is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal, Self
+from collections.abc import Sequence
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.effects.displacement import Displacement
-from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, not_yet
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, Positive, SampledValue, Vector
 from signorini_fx.tuned import SAME_NUMBER
@@ -97,17 +97,18 @@ class Inertia(Effect):
     key = "inertia"
     step_effect = "inertia"
     value_keys = ("time_step",)
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        "inertia": {
+    refuses = not_yet(
+        "inertia",
+        "nested iteration",
+        "mixed element",
+        "preload",
+        "axisymmetric, torsion",
+        "material with a state",
+        more={
             "requested accuracy": "is not possible yet with inertia: its mesh is given; errors in "
             "time alone are those of load_steps.time_accuracy",
-            "nested iteration": "is not possible yet with inertia: leave out solver.levels",
-            "mixed element": "is not possible yet with inertia: use 'reduced'",
-            "preload": "is not possible yet with inertia: prescribe a displacement",
-            "axisymmetric, torsion": "is not possible yet with inertia: leave out material.torsion",
-            "material with a state": "is not possible yet with inertia: take one without memory",
-        }
-    }
+        },
+    )
 
     time_step: Positive | None = None
     start: Literal["static", "undeformed"] | None = None
@@ -125,10 +126,6 @@ class Inertia(Effect):
         if self.time_step is None:
             return 0
         return int(np.ceil(np.diff(times) / self.time_step * (1 - SAME_NUMBER)).sum())
-
-    @property
-    def features(self) -> Features:
-        return (("inertia", ()),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         path = ("inertia",)

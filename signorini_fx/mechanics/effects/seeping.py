@@ -5,15 +5,12 @@ Where it is, is in ``mechanics.body.seeping``, which is imported where a step is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from pydantic import Field
 
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, not_yet
 from signorini_fx.mechanics.statement.values import TimedSampledValue
-
-_NOT_YET = "is not possible yet with a fluid that seeps in"
 
 
 class Seeping(ContactPart):
@@ -40,18 +37,18 @@ class Seeping(ContactPart):
     step_effect = "seeping"
     value_keys = ("pressure",)
     positional = ("pressure",)
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        "seeping": {
-            "inertia": _NOT_YET,
-            "requested accuracy": f"{_NOT_YET}: its mesh is given",
-            "nested iteration": f"{_NOT_YET}: leave out solver.levels",
-            "mixed element": f"{_NOT_YET}: use 'reduced'",
-            "driven foundation": f"{_NOT_YET}: prescribe its motion",
-            "nonlinear material": f"{_NOT_YET}: it must be linear",
-            "preload": _NOT_YET,
-            "statement of an error bound": _NOT_YET,
-        }
-    }
+    refuses = not_yet(
+        "seeping",
+        "inertia",
+        "requested accuracy",
+        "nested iteration",
+        "mixed element",
+        "driven foundation",
+        "nonlinear material",
+        "preload",
+        "statement of an error bound",
+        words="a fluid that seeps in",
+    )
 
     pressure: TimedSampledValue = Field(kw_only=False)
     side: str

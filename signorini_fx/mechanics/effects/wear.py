@@ -5,15 +5,12 @@ What a step wears is in ``mechanics.body.wear``, which is imported where one is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from pydantic import Field
 
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, not_yet
 from signorini_fx.mechanics.statement.values import NonNegativeValue, TimedSampledValue
-
-_NOT_YET = "is not possible yet with wear"
 
 
 class Archard(ContactPart):
@@ -36,15 +33,14 @@ class Archard(ContactPart):
     adds_up = True
     value_keys = ("coefficient", "distance")
     positional = ("coefficient",)
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        "wear": {
-            "inertia": _NOT_YET,
-            "requested accuracy": f"{_NOT_YET}: its mesh is given",
-            "nested iteration": f"{_NOT_YET}: leave out solver.levels",
-            "cohesion": f"{_NOT_YET}: a bond that tears does not wear",
-            "nonlinear material": f"{_NOT_YET}: it must be linear",
-        }
-    }
+    refuses = not_yet(
+        "wear",
+        "inertia",
+        "requested accuracy",
+        "nested iteration",
+        "cohesion",
+        "nonlinear material",
+    )
 
     coefficient: NonNegativeValue = Field(kw_only=False)
     distance: TimedSampledValue | None = None

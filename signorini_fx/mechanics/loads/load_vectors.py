@@ -117,9 +117,13 @@ class FormCoefficients:
         """Give expressions of the time t the value at the time of a place in the lists of
         factors.
         """
-        self._time.value = self.statement.time_at(step)
+        self.set_time(self.statement.time_at(step))
         for name, function in self._computed.items():
             function.x.array[:] = getattr(step, "computed", {}).get(name, 0.0)
+
+    def set_time(self, time: float) -> None:
+        """Give expressions of the time t their value at a time."""
+        self._time.value = time
 
     @cached_property
     def _computed(self) -> dict[str, fem.Function]:

@@ -107,6 +107,35 @@ def is_zero(*values: Any) -> bool:
     return all(isinstance(value, float) and value == 0.0 for value in values)
 
 
+# What to do where a feature does not go with something yet.
+_CURES = {
+    "axisymmetric, torsion": ": leave out material.torsion",
+    "driven foundation": ": prescribe its motion",
+    "material with a state": ": take one without memory",
+    "mixed element": ": use 'reduced'",
+    "nested iteration": ": leave out solver.levels",
+    "nonlinear material": ": it must be linear",
+    "preload": ": prescribe a displacement",
+    "requested accuracy": ": its mesh is given",
+}
+
+
+def not_yet(
+    name: str, *features: str, words: str = "", more: Mapping[str, str] | None = None
+) -> dict[str, dict[str, str]]:
+    """Return ``Effect.refuses`` of one with a name and the features that it does not go with yet.
+
+    Args:
+        name: of the feature that refuses the others.
+        features: their names.
+        words: for the first one in messages; empty: its name.
+        more: other features, with reasons of their own.
+    """
+    reason = f"is not possible yet with {words or name}"
+    refused = {feature: reason + _CURES.get(feature, "") for feature in features}
+    return {name: {**refused, **(more or {})}}
+
+
 class Effect(Table):
     """An entry of a scene."""
 
