@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, extents
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
@@ -41,6 +41,8 @@ class FoldedSide(MovingPair):
         surface = sides.slave.surface
         within = default_reach(surface.x, surface.x) if reach is None else reach
         self.whole = replace(surface, wall=walls(surface, within))
+        # What is farther does not touch in this step, and rows of far partners are less exact.
+        reach = float(extents(surface.corners).mean()) if reach is None else reach
         self.name = f"sides of contact[{sides.index}]"
         self.side = np.zeros(len(surface.nodes), dtype=np.int64)
         self._parts = (self.whole.chosen(np.flatnonzero(self.side)),) * 2

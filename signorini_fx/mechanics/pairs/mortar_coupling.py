@@ -453,13 +453,15 @@ def projected(
         return tested.of_nearest_sheets if apart and tested.twice.size else tested
 
     tested = found(None)
+    directions = None
+    if tested.area.any() and not nominal:
+        _check(tested, reach)
+        directions = _mean_normals(tested)
+        if turned(slave, directions) > SAME_NUMBER:
+            tested = found(directions)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(tested, reach)
-    directions = None if nominal else _mean_normals(tested)
-    if directions is not None and turned(slave, directions) > SAME_NUMBER:
-        tested = found(directions)
-        _check(tested, reach)
     return tested, directions
 
 
