@@ -122,7 +122,7 @@ class Pair(_OfKind):
             right as long as sides slide by little of a facet, and normals turn with the other side.
             Without effect on linear bodies, which never slide that far.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes
-            of both sides.
+            of both sides, or of the facets of one that touches itself.
         wear: such as ``Archard(1e-8)``; None: contact does not wear.
         cohesion: a bond that can tear, ``Cohesion``; None: there is none.
         shape, direction: those of a ``Foundation``: there is none.
