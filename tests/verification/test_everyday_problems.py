@@ -69,6 +69,9 @@ def disk(x, y):
 UPSET = plane_shape([0.0, 15.0], [0.0, -1.0]) | {"shift": [0.0, "-5*t"]}
 GROOVE = [[1.02, -3.0], [1.02, 0.55], [1.05, 0.68], [1.12, 0.75], [1.25, 0.8], [3.0, 0.8]]
 BORE = [[1.0, -3.0], [1.0, -0.3], [1.2, 0.0], [1.2, 3.0]]
+# A sharp end of a body does not pass a sharp corner with friction: both ends have chamfers.
+BARB = [[0.85, 0.2], [0.85, 0.0], [0.9, -0.2], [1.2, -1.05], [1.2, -1.2], [1.05, -1.3]]
+BARB += [[1.05, -3.5]]
 NOSE = [[0.0, -0.32], *quarter((4.6, -0.32), 0.5, 180, 0, 13), [9.0, -0.32]]
 PUNCH = [[10.0, 30.0], *quarter((7.0, 4.0), 3.0, 0, -90), [-1.0, 1.0]]
 DIE = [[11.5, -30.0], *quarter((14.5, -3.0), 3.0, 180, 90), [40.0, 0.0]]
@@ -234,6 +237,18 @@ PROBLEMS = {
         [fixed("left")],
         [rough("right", polyline(BORE, shift=[0.0, "1.2*t"]))],
         ([1.0], 12, {}),
+    ),
+    "hose over a barb": lambda: (
+        bent(
+            (3, 24),
+            [1.0, 0.0],
+            [1.25, 3.0],
+            lambda x, y: (x + 0.3 * (1.25 - x) * np.maximum(0, 1 - y / 0.3) ** 2, y),
+        ),
+        RUBBER | ROUND,
+        [fixed("top")],
+        [rough("left", polyline(BARB, shift=[0.0, "1.5*t"]))],
+        ([1.0], 15, AUTO),
     ),
     "block dragged to and fro": lambda: (
         rectangle_mesh(12, 6, length=2.0),
