@@ -213,8 +213,8 @@ def solved_price(solution: Any) -> Any:
 
 def _bow_of_gaps(solution: Any) -> Array:
     """Return by how much the mean of a gap between nodes differs from what the nodes know of it,
-    length, at each point of this rank, shape (n,): all of a parabola through vertices with elements of
-    degree 1, with those of degree 2 what the nodes in the middle do not follow; zero in 3D.
+    length, at each point of this rank, shape (n,): all of a parabola through vertices with elements
+    of degree 1, with those of degree 2 what the nodes in the middle do not follow; zero in 3D.
     """
     boundary = solution.contact.boundary
     table = solution.table
