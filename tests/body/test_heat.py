@@ -444,6 +444,23 @@ def test_check_and_lines():
     assert any("754.4 in, 754.4 out, 754.4 through contact; balance" in line for line in told)
 
 
+def test_short_steps():
+    """Where a step is shorter than heat takes through a cell the next nodes get colder than at
+    first, which check says: c h^2 / 6 k.
+    """
+    colder = []
+    for time in (1e-4, 1.0):
+        given = block(
+            material={**BLOCK["material"], **STORES},
+            heat={"boundary": "top", "temperature": 100.0},
+            load_steps={"times": [time]},
+        )
+        said = [one.message for one in check_scene(given).findings if one.path == "heat"]
+        coldest = solve(given).state.fields["temperature"].values.min()
+        colder.append((coldest < -1e-9, any("colder than they began" in one for one in said)))
+    assert colder == [(True, True), (False, False)]
+
+
 def test_import_closure():
     """Without it nothing of it is imported."""
     code = (

@@ -52,6 +52,7 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, ROOT_OF_EPS
 _SETTLED = 1e-10  # of the range of temperatures: by how much a turn may change one
 # Fields of the state at contact points: both sides, and what passes from the first to the second.
 _AT_POINTS = ("temperature_slave", "temperature_master", "heat_flux")
+_PASSING = 6.0  # squares of a cell over diffusivity and a step above which nodes beside get colder
 _GROWING = 3  # turns one after the other, each of which repeats more than all of a change
 
 
@@ -592,6 +593,18 @@ class Conduction(StepEffect):
         if self._turns(model):
             text = "heat and contact depend on each other: each load step is solved in turns"
             yield Finding("note", "heat", text)
+        if Conductor.of(model).stores:
+            slowest = max(
+                one.density * one.specific_heat / one.conductivity for one in model.materials
+            )
+            mesh = model.tagged.mesh
+            sizes = mesh.h(mesh.topology.dim, model.tagged.cells(None))
+            passing = slowest * parallel.largest(model.comm, sizes) ** 2 / _PASSING
+            shortest = min(np.diff(model.path.times, prepend=0.0))
+            if shortest < passing:
+                text = f"steps of {shortest:.3g} are shorter than heat takes through a cell, "
+                text += f"{passing:.3g}: where it comes suddenly others are colder than they began"
+                yield Finding("note", "heat", text)
 
     def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
         text = f"{figures['heat_in']:.4g} in, {figures['heat_out']:.4g} out"
