@@ -397,6 +397,8 @@ class ContactProblem(ProblemOfForms):
             effects = *effects, MidpointRule()
         of_forms = forms, self.u, bcs, settings, options_of_petsc
         self.assembled = self._ended = FormSolver(*of_forms, tuple(effects), density)
+        if density is not None:
+            self.assembled.refuse_driven()
         fields = self.assembled.fields
         self.pressure = fields.pressure
         self.shear = fields.shear

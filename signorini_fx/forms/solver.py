@@ -109,9 +109,6 @@ class BodyOfForms:
             FormError: there is such a thing.
         """
         problems = list[tuple[str, str]]()
-        if self.moves and self.foundations.rigid_bodies.bodies:
-            reason = "rigid bodies that forces move have no mass in forms yet: prescribe the motion"
-            problems.append(("density", reason))
         inertia = [("inertia", "density")] * (self.density is not None)
         uses = [*self.refused_features, *inertia]
         for number, contact in enumerate(self.contact):
@@ -170,6 +167,16 @@ class BodyOfForms:
         """Whether coordinates have changed since something was assembled; collective."""
         mesh = self.space.mesh
         return parallel.any_rank(mesh.comm, not np.array_equal(self._mesh_x, mesh.geometry.x))
+
+    def refuse_driven(self) -> None:
+        """Refuse rigid bodies that forces move.
+
+        Raises:
+            FormError: there is one.
+        """
+        if self.foundations.rigid_bodies.bodies:
+            reason = "rigid bodies that forces move have no mass in forms yet: prescribe the motion"
+            raise FormError.at("density", reason)
 
     def refuse_moving(self, reason: str) -> None:
         """Raise a FormError where bodies move."""

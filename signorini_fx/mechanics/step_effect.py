@@ -26,9 +26,10 @@ from signorini_fx.extensions import STEP_EFFECTS, load_class
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Loads, Model
-from signorini_fx.mechanics.rigid.rigid_bodies import Drive
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import ContactPart, Effect
+from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, Status
 
@@ -192,6 +193,10 @@ class StepEffect:
         the form of the mass; None: these.
         """
         return None
+
+    def driven(self, rigid: RigidBodies, state: State, dt: float) -> Sequence[RigidBody]:
+        """Return rigid bodies with what drives them in a step of a nonlinear body."""
+        return rigid.bodies
 
     def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
         """Return what initial strains of the step to a time follow from, by the names by which they

@@ -469,13 +469,17 @@ SOFT = {
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("coefficient", [0.0, 0.3])
-def test_a_rigid_plate_hits_a_free_block(coefficient):
-    """Momentum and moment of momentum of both stay, and so does the energy but for what contact
-    takes.
+@pytest.mark.parametrize(
+    ("law", "coefficient", "error"),
+    [("linear", 0.0, 1e-11), ("linear", 0.3, 1e-11), ("neo-hooke", 0.3, 2e-5)],
+)
+def test_a_rigid_plate_hits_a_free_block(law, coefficient, error):
+    """Momentum of both stays, and so do its moment and the energy but for what contact takes, beside
+    rubber with an error of the time step.
     """
     touches = {**tool(), "friction": {"law": "coulomb", "coefficient": coefficient}}
-    solution = solve(changed(BLOCK, **SOFT, contact=[touches]))
+    material = of_law(law, young=100.0)
+    solution = solve(changed(BLOCK, **{**SOFT, "material": material}, contact=[touches]))
     assert abs(solution.steps[0].contact.forces[0]).max() > 0.3
     (plate,) = solution.last_step.rigid_bodies
     rates = solution.state.fields["rigid velocity"].values / solution.model.rigid.units
@@ -487,13 +491,51 @@ def test_a_rigid_plate_hits_a_free_block(coefficient):
     turning = arm[:, 0] * momentum[:, 1] - arm[:, 1] * momentum[:, 0]
     local = np.array([*momentum.sum(axis=0), turning.sum()])
     of_block = parallel.global_sum(MPI.COMM_WORLD, local)
-    assert_allclose(of_block + rates * [0.7, 0.7, 0.1], [0.014, -0.07, 0.001], atol=1e-11)
+    total = of_block + rates * [0.7, 0.7, 0.1]
+    assert_allclose(total[:2], [0.014, -0.07], atol=1e-11)
+    if law != "linear":  # arms are those of displaced points
+        moved = solution.displacement.x.array.reshape(-1, 2)[: len(momentum)]
+        local = moved[:, 0] @ momentum[:, 1] - moved[:, 1] @ momentum[:, 0]
+        total[2] += parallel.total(MPI.COMM_WORLD, local)
+        total[2] += 0.7 * np.linalg.det([plate.translation, rates[:2]])
+    assert total[2] == pytest.approx(0.001, abs=error)
     figures = [figures for _, figures in told(solution)]
-    assert max(abs(each["energy_error"]) for each in figures) < 1e-10
+    assert max(abs(each["energy_error"]) for each in figures) < 50 * error
     lost = sum(each["contact_loss"] for each in figures)
     assert 0.0 < lost < 0.25 * figures[-1]["kinetic_energy"]
     slowed = plate.translation[0] < 0.004 - 1e-6
     assert slowed == (coefficient > 0.0)
+
+
+def test_a_rigid_ball_turns_in_space():
+    """Momentum and its moment stay, of a ball that hits one side of a box and rubs it."""
+    centre = np.array([0.6, 0.55, 1.5])
+    ball = {
+        "shape": "sphere",
+        "centre": centre.tolist(),
+        "radius": 0.5,
+        "pivot": centre.tolist(),
+        "mass": 0.7,
+        "moment_of_inertia": [0.1, 0.2, 0.3],
+        "velocity": {"x": 0.02, "z": -0.1, "rotation_x": 0.01},
+    }
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    entries = {
+        **SOFT,
+        "mesh": {"generator": "box", "parameters": {"nx": 4, "ny": 4, "nz": 2}},
+        "inertia": {"time_step": 0.1},
+        "load_steps": {"times": [0.0, 0.8]},
+        "contact": [{"boundary": "top", "foundation": ball, "friction": friction}],
+    }
+    solution = solve(changed(BLOCK, **entries))
+    rates = solution.state.fields["rigid velocity"].values / solution.model.rigid.units
+    _, mass = _mass(solution.model)
+    momentum = _times(mass, solution.state.fields["velocity"].values.ravel()).reshape(-1, 3)
+    arms = solution.displacement.function_space.tabulate_dof_coordinates() - centre
+    assert abs(momentum).max() > 1e-4
+    assert_allclose(momentum.sum(axis=0) + 0.7 * rates[:3], [0.014, 0.0, -0.07], atol=1e-11)
+    turning = np.cross(arms, momentum).sum(axis=0) + [0.1, 0.2, 0.3] * rates[3:]
+    assert_allclose(turning, [1e-3, 0.0, 0.0], atol=1e-11)
 
 
 def test_a_rigid_plate_bounces_on_a_spring():
@@ -793,7 +835,7 @@ class Killed(Exception):
     ("law", "accuracy", "plate"),
     [
         *((law, accuracy, False) for law in LAWS for accuracy in (None, 0.01)),
-        ("linear", None, True),
+        *((law, None, True) for law in LAWS),
     ],
 )
 def test_a_killed_run_goes_on(tmp_path, law, accuracy, plate):
@@ -805,7 +847,8 @@ def test_a_killed_run_goes_on(tmp_path, law, accuracy, plate):
     scene = changed(BLOCK, inertia=inertia, load_steps=times, material=of_law(law))
     if plate:
         contact = [tool(), {"boundary": "bottom"}]
-        scene = changed(BLOCK, **{**SOFT, "load_steps": times}, contact=contact)
+        scene = {**SOFT, "load_steps": times, "material": of_law(law, young=100.0)}
+        scene = changed(BLOCK, **scene, contact=contact)
 
     def stop(record):
         if isinstance(record, StepRecord) and record.time == 1.0:
@@ -858,10 +901,6 @@ REFUSED = {
     "mass at rest": (
         {"inertia": None, "initial_velocity": None, "contact": [tool()]},
         "foundation.mass: needs inertia",
-    ),
-    "tool on rubber": (
-        {"material": of_law("neo-hooke"), "contact": [tool()]},
-        "has no mass yet beside a nonlinear material",
     ),
     "metal": (
         {"material": of_law("j2", yield_stress=1.0)},

@@ -63,11 +63,11 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.shapes.analytic import Plane
 from signorini_fx.mechanics.state import ContactValues, State
-from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
+from signorini_fx.mechanics.statement.rigid_body import COMPONENTS, RigidBody
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status
@@ -166,6 +166,14 @@ class MovingFoundations(Foundations):
         for motion in self.rigid_bodies.motions:
             for part in motion.body.parts:
                 self.moving[part].carry_to(motion)
+
+    def drive(self, bodies: Sequence[RigidBody]) -> None:
+        """Give rigid bodies other loads and springs."""
+        for body in bodies:
+            driving = {key: getattr(body.motion, key) for key in ("force", "moment", "spring")}
+            for moving in (self.moving[part] for part in body.parts):
+                if moving.shape.drives:
+                    moving.shape = moving.shape.model_copy(update=driving)
 
     def motion_at(self, boundary: ContactBoundary, begun: State) -> Array | None:
         """How far shapes have moved with points since a state, length, shape (n, d); None: not."""
@@ -358,6 +366,7 @@ class Linearised:
         before: the end of the last step, as foundations of now see it; None: it counts for nothing.
         prescribed: dofs of this rank, ghosts included, and to what, shapes (dofs,).
         data: of the foundations at the nodes.
+        given_gap: without what effects add, length, shape (n,).
         matrix: all values that the matrix is assembled from.
     """
 
@@ -369,6 +378,7 @@ class Linearised:
     before: PreviousStep | None
     prescribed: tuple[Flags, Array]
     data: list[FoundationData]
+    given_gap: Array
     matrix: list[bytes]
 
     @property
@@ -475,6 +485,7 @@ class NonlinearBody(BodyOfForms):
         self.bodies: tuple[str, ...] = ()  # see ``BodyPieces``
         self.evaluated = evaluated
         self.several = False  # see ``Start``
+        self.drives: Sequence[Drive] = ()  # of rigid bodies in this step, without effects
         self.now: Linearised | None = None  # the last problem that was assembled
         self.solved: Solved | None = None  # the last one that was solved in this step
         self.begin = self.initial()
@@ -484,7 +495,8 @@ class NonlinearBody(BodyOfForms):
         small strains.
         """
         tagged = model.tagged
-        self.model_of_scene = model
+        rigid = replace(model.rigid, length=self.foundations.rigid_bodies.length)
+        self.model_of_scene = replace(model, rigid=rigid)
         self.history = history
         self.names = {name: tagged.facets(name) for name in tagged.boundaries}
         self.bodies = model.pieces.bodies
@@ -673,7 +685,16 @@ class NonlinearBody(BodyOfForms):
             posed = with_contact(posed, self.effects, self.begin)
         start, before = self._start(posed, boundary, bent)
         self.now = Linearised(
-            self.begin, iterate, posed, boundary, start, before, prescribed, data, matrix
+            self.begin,
+            iterate,
+            posed,
+            boundary,
+            start,
+            before,
+            prescribed,
+            data,
+            problem[0].gap,
+            matrix,
         )
         return self.now
 

@@ -244,7 +244,8 @@ class NonlinearContactProblem(ProblemOfForms):
         if not isinstance(max_newton, int | np.integer) or max_newton < 1:
             reason = f"must be a whole number from 1, got {max_newton!r}"
             raise FormError.at("max_newton", reason)
-        if density is not None and not any(effect.overrides("stepped") for effect in effects):
+        of_forms = density is not None and not any(one.overrides("stepped") for one in effects)
+        if of_forms:
             from signorini_fx.mechanics.body.inertia import MidpointRule, density_of
 
             density = density_of(density, u.function_space)
@@ -287,6 +288,8 @@ class NonlinearContactProblem(ProblemOfForms):
             density,
             **settings,
         )
+        if of_forms:
+            self.linear.refuse_driven()
         self.shapes, fields = self.linear.foundations.moving, self.linear.fields
         self.pressure = fields.pressure
         self.shear = fields.shear

@@ -31,7 +31,6 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.model import Loads
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
-from signorini_fx.mechanics.step_effect import StepContact
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.results.certificate.body_nodes import RigidPart
@@ -183,14 +182,12 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
-    drift = foundations.motion_at(boundary, linear.begin) if body.effects else None
-    contact = StepContact(
-        linear.elastic, boundary, regularised.gap, regularised, law, drift, linear=False
-    )
-    for effect in body.effects:
-        contact = effect.contact(contact, linear.begin, foundations.dt)
-    points = judged_corners(boundary, contact.data.gap, shapes, foundations.displacement)
-    return ContactConditions(*points, contact.law, regularised.bilateral, pairs, None)
+    added: Any = 0.0
+    if body.effects:  # what they add is what the problem was solved with
+        first = linear.posed.first
+        added, law = first.data.gap - linear.given_gap, first.law
+    points = judged_corners(boundary, regularised.gap + added, shapes, foundations.displacement)
+    return ContactConditions(*points, law, regularised.bilateral, pairs, None)
 
 
 @dataclass(frozen=True)
@@ -257,9 +254,10 @@ class SolvedBody(Report):
             rigid_bodies=body.foundations.rigid_bodies.motions,
         )
         mechanics = NonlinearMechanics(elastic, body.named[0], [(step, end)], forms.boundaries)
-        loads = Loads(np.zeros(elastic.fixed.size) + body.evaluated.loads, linear.prescribed[1])
+        forces = np.zeros(elastic.fixed.size) + body.evaluated.loads
+        loads = Loads(forces, linear.prescribed[1], body.drives)
         pairs: Any = {**body.foundations.pairs, **body.foundations.sliding}
-        named = replace(elastic, law=linear.start.law, pairs=pairs)
+        named = replace(elastic, law=linear.start.law, pairs=pairs, rigid=linear.posed.rigid)
         if (given := body.model_of_scene) is not None:
             named = replace(
                 named,

@@ -123,6 +123,10 @@ class NonlinearSteps:
         body.foundations.dt = time - state.time
         self.go_to(place)
         self.solver.residual.begin(state, body.foundations.dt)
+        rigid = body.foundations.rigid_bodies
+        body.drives = rigid.drives()
+        for effect in self.effects:
+            body.foundations.drive(effect.driven(rigid, state, body.foundations.dt))
         laws = [entry.friction for entry in body.contact]
         if any(law is not None and law.follows_slip for law in laws):
             refuse_no_duration(body.foundations.dt)

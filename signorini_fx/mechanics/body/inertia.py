@@ -25,7 +25,7 @@ A point that is pressed stays as deep inside as it was.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
@@ -48,6 +48,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 )
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
 from signorini_fx.mechanics.rigid.moving_masses import (
+    driven_to_end,
     energy,
     free_motion,
     in_middle,
@@ -59,7 +60,9 @@ from signorini_fx.mechanics.rigid.moving_masses import (
     velocity_of,
     with_masses,
 )
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.step_effect import (
     AddedForces,
@@ -241,6 +244,11 @@ class MidpointRule(StepEffect):
         residual = in_middle(F) + ufl.replace(mass, {trial: u - aim})
         return SteppedForms(residual, None if J is None else share * in_middle(J) + mass, begin)
 
+    def driven(self, rigid: RigidBodies, state: State, dt: float) -> Sequence[RigidBody]:
+        if "velocity" not in state.fields or not rigid.bodies:
+            return rigid.bodies
+        return driven_to_end(rigid, state, dt)
+
     def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
         if "velocity" not in state.fields:
             return None
@@ -301,7 +309,8 @@ class MidpointRule(StepEffect):
         """
         model = contact.model
         data = contact.data
-        reached, _ = model.contact.traces(model.vector(_aim(state, dt)))
+        rigid = state.rigid + 0.5 * dt * velocity_of(state)
+        reached, _ = model.contact.traces(model.unknowns_at(_aim(state, dt), rigid))
         if contact.drift is not None:
             reached = reached + 0.5 * inner(contact.drift, contact.boundary.normal)
         depth = np.maximum(reached - contact.gap, 0.0)
@@ -388,7 +397,8 @@ class MidpointRule(StepEffect):
                 contact=contact,
                 gammas=(0.5 * new.gammas[0], 0.5 * new.gammas[1]),
             )
-            new = moved_on(model.rigid, state, new, ended.loads.drives, ended.dt)
+        part = 0.5 if ended.internal is None else 1.0
+        new = moved_on(model.rigid, state, new, ended.loads.drives, ended.dt, part)
         kinetic = [_kinetic(model, one) for one in (_velocity(state), velocity)]
         of_rigid = [energy(model.rigid, velocity_of(one)) for one in (state, new)]
         energies[0] = max(energies[0], *np.add(kinetic, of_rigid), *np.abs(energies[1:]))
@@ -400,15 +410,15 @@ class MidpointRule(StepEffect):
         owned = model.fixed.size
         moves = "velocity" in state.fields
         static = model.forms[:-1] if moves else model.forms
-        factor = 4.0 / ended.dt**2 if moves else 0.0
+        factor = (4.0 if ended.internal is None else 2.0) / ended.dt**2 if moves else 0.0
         rigid = model.rigid
 
         def strain(of: State) -> float:
+            springs = energy(rigid, of.rigid, rigid.stiffness - factor * masses(rigid))
             if ended.internal is not None:
-                return float(_energies(of)[1])
+                return float(_energies(of)[1]) + springs
             u = of.displacement
             forces = sum(_action(form, model.space, u) for form in static)
-            springs = energy(rigid, of.rigid, rigid.stiffness - factor * masses(rigid))
             return 0.5 * _sum(model, np.asarray(forces) @ u[:owned]) + springs
 
         if "velocity" not in new.fields:

@@ -148,10 +148,6 @@ class Inertia(Effect):
         elif self.time_step > shortest * (1 + SAME_NUMBER):
             reason = f"is {self.time_step:g}, longer than a load step of {shortest:g}"
             yield (*path, "time_step"), reason
-        if not all(material.linear for material in statement.material):
-            reason = "has no mass yet beside a nonlinear material: prescribe its motion by shift"
-            for body in statement.rigid_bodies:
-                yield ("contact", body.parts[0], "foundation"), reason
         for number, material in enumerate(statement.material):
             if material.density is None:
                 yield ("material", number), "has no density, which inertia needs"

@@ -2,7 +2,8 @@
 
 In a time step of the midpoint rule a mass m is a spring of stiffness 4 m / tau^2 at the pivot, and
 the force 4 m / tau^2 (q_n + tau v_n / 2) that it has there, likewise a moment of inertia: for q,
-the place in the middle of the step.
+the place in the middle of the step.  Newton's method of a nonlinear body finds the end of the step:
+2 m / tau^2 and q_n + tau v_n.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
+from signorini_fx.mechanics.statement.rigid_body import COMPONENTS, RigidBody
 
 _VELOCITY = "rigid velocity"
 _LOAD = "rigid load"
@@ -60,15 +61,36 @@ def with_masses(model: Model, factor: float) -> Model:
     boundary = model.boundary
     if not rigid.bodies or boundary is None or boundary.moving is None:
         return model
-    dim = rigid.kinematics.dimension
-    bodies = list[Any]()
-    for body in rigid.bodies:
-        stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
-        spring = dict(zip(COMPONENTS[dim], stiffness.tolist(), strict=True))
-        bodies.append(replace(body, motion=body.motion.model_copy(update={"spring": spring})))
+    bodies = [_heavier(rigid, body, factor) for body in rigid.bodies]
     rigid = replace(rigid, bodies=bodies)
     moving = replace(boundary.moving, stiffness=rigid.stiffness, bodies=bodies)
     return replace(model, rigid=rigid, boundary=replace(boundary, moving=moving))
+
+
+def _heavier(rigid: RigidBodies, body: RigidBody, factor: float, **more: Any) -> RigidBody:
+    """A rigid body with springs of a factor times its masses, and other keys of its motion."""
+    dim = rigid.kinematics.dimension
+    stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
+    spring = dict(zip(COMPONENTS[dim], stiffness.tolist(), strict=True))
+    return replace(body, motion=body.motion.model_copy(update={"spring": spring, **more}))
+
+
+def driven_to_end(rigid: RigidBodies, state: State, dt: float) -> list[RigidBody]:
+    """Rigid bodies with what drives them to the end of a step, beside a nonlinear body, where they
+    turn about one axis at most.
+    """
+    dim = rigid.kinematics.dimension
+    count = rigid.units.size
+    factor = 2.0 / dt**2
+    aim = state.rigid + dt * velocity_of(state)
+    loads = mean_loads(rigid, state, rigid.drives()) + factor * masses(rigid) * aim
+    rows: Any = (loads.reshape(-1, count) * rigid.units).tolist()
+    driven = list[RigidBody]()
+    for body, load in zip(rigid.bodies, rows, strict=True):
+        moment = tuple(load[dim:]) if dim == 3 else load[dim]
+        more = {"force": tuple(load[:dim]), "moment": moment}
+        driven.append(_heavier(rigid, body, factor, **more))
+    return driven
 
 
 def set_in_motion(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> State:
@@ -120,12 +142,12 @@ def in_middle(
 
 
 def moved_on(
-    rigid: RigidBodies, state: State, new: State, drives: Sequence[Drive], dt: float
+    rigid: RigidBodies, state: State, new: State, drives: Sequence[Drive], dt: float, part: float
 ) -> State:
-    """The end of a step whose unknowns of rigid bodies are those of its middle."""
+    """The end of a step whose unknowns of rigid bodies are those after a part of it."""
     if not rigid.bodies:
         return new
-    mean = 2.0 / dt * (new.rigid - state.rigid)
+    mean = (new.rigid - state.rigid) / (part * dt)
     velocity = np.where(rigid.fixed, mean, 2.0 * mean - velocity_of(state))
     return _moving(rigid, replace(new, rigid=state.rigid + dt * mean), velocity, drives)
 
