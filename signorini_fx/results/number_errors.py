@@ -373,7 +373,9 @@ def _near_a_corner(solution: Any) -> str:
                 continue
             row = int(path[end])
             near = touching[path[inside]] and not touching[row]
-            if near or (straight and 2 * pressure[row] > pressure.max()):
+            # Of another body beyond the end a coarse mesh shows little.
+            large = pressure[row] > (NOTABLE if row in beyond else 0.5) * pressure.max()
+            if near or (large and (straight or row in beyond)):
                 place = tuple(map(float, x[row]))
                 if row in beyond or why_no_limit(solution.model, place):
                     return point_in_words(place)

@@ -233,11 +233,10 @@ def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
         return None
     # Each of two bodies alone is bounded at the edge of the other one.
     steep = pressure > (1 + NOTABLE) * np.average(pressure, weights=pressed)
-    ends = [row for row in ends_on_another(body, table) if pressure[row] > NOTABLE * pressure.max()]
-    for row in (*growing_rows(table), *ends):
+    for row in growing_rows(table):
         place = tuple(float(columns[axis][row]) for axis in "xyz" if axis in columns)
         reason = why_no_limit(body, place)
-        if not reason and (row in ends or (steep[row] and columns.get("against", {row: ""})[row])):
+        if not reason and steep[row] and columns.get("against", {row: ""})[row]:
             reason = "at the edge of one body on another"
         if reason:
             return f"{reason}, {point_in_words(place)}"
@@ -245,8 +244,8 @@ def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
 
 
 def ends_on_another(body: Model, table: ContactTable) -> list[int]:
-    """The rows in 2D at ends of a contact boundary beyond which another body goes on; there a
-    pressure has no limit, whatever a coarse mesh shows of it; collective.
+    """The rows in 2D at ends of a contact boundary beyond which another body goes on: there a
+    pressure has no limit; collective.
     """
     ends = []
     for path in table.paths if "against" in table.columns else ():

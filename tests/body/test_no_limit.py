@@ -195,3 +195,31 @@ def test_the_largest_pressure(name):
     lines = " ".join(" ".join(map(str, short_answer(summary_of(found[0]), Path()))).split())
     pressure = lines.partition("largest pressure")[2].partition("stress")[0]
     assert ("no finite value" in pressure) is (why is not None)
+
+
+@pytest.mark.parametrize(
+    ("n", "bowl", "why"), [(4, 0.05, "not known: it may have no limit at (1, 1)"), (16, 0.4, None)]
+)
+def test_an_edge_that_contact_may_reach(n, bowl, why):
+    """A coarse mesh shows little of what would be there, and so it has no largest pressure."""
+    made = punched(n, flat=True)
+    made["contact"]["gap"] = f"{bowl}*(x[0] - 1.5)**2"
+    found = alone(parse_scene(made))
+    assert found.no_limit_of_pressure is None
+    number = found.numbers["largest pressure"]
+    assert number.why == why
+    assert (number.error is None) is (why is not None)
+
+
+def test_a_corner_elsewhere():
+    """The largest stress is that of the load, and on finer meshes that of the clamped end."""
+    contact = {"boundary": "bottom", "gap": "0.02*(x[0] - 1.5)**2"}
+    traction = {"boundary": "top", "y": "-5 if x[0] > 1 else 0"}
+    found = [
+        alone(block(CLAMPED, n, traction=traction, contact=contact)).stress.as_dict()
+        for n in (8, 32)
+    ]
+    coarse, fine = (one["von_mises"] for one in found)
+    assert coarse["place"][0] > 1
+    assert coarse["no_limit"] == "at the end of the boundary left, (0, 1)"
+    assert fine["place"][0] == 0 or fine["no_limit"] == coarse["no_limit"]
