@@ -471,8 +471,9 @@ class Solution:
         plane = self.model.tagged.dimension == 2
         if self.statement.finite_strains and cost.local and plane:
             # Divided cells follow a stress without a limit until they fold.
-            for corner, _ in singular_corners(self.model)[:1]:
-                said = f"{cost.statement}, unless cells fold at {point_in_words(corner)}"
+            corners = [tuple(map(float, corner)) for corner, _ in singular_corners(self.model)]
+            if corners:
+                said = f"{cost.statement}, unless cells fold at {point_in_words(min(corners))}"
                 return cost.model_copy(update={"statement": said})
         return cost
 

@@ -17,7 +17,7 @@ from signorini_fx.scenes.checks import check_scene, text_of
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.tuned import MARGIN_OF_ENERGY, NEXT_ERROR
+from signorini_fx.tuned import FIXED_UNKNOWNS, MARGIN_OF_ENERGY, NEXT_ERROR, WHOLE_SECONDS
 
 
 @pytest.mark.parametrize(
@@ -117,6 +117,8 @@ def test_check_foretells_what_it_costs():
     ).times[1]
     assert cost.next_seconds[1] == pytest.approx(factor * cost.seconds[1])
     assert cost.next_seconds[0] < cost.next_seconds[1]
+    # Of a small scene linear algebra takes hardly any of it.
+    assert cost.seconds[0] > WHOLE_SECONDS[2] * (FIXED_UNKNOWNS[2] + cost.unknowns)
 
 
 UNSUPPORTED = {

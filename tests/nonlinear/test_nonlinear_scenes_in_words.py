@@ -173,6 +173,10 @@ def test_folder(tmp_path):
     assert np.abs(bottom + top).max() < 1e-8 * np.abs(top).max()
     assert solution.error_bound == "a nonlinear body has no guaranteed bound"
     assert "error of the stress took" in str(solution.cost)
+    # Both ends of what is glued.
+    assert str(solution.cost).endswith(
+        ("unless cells fold at (0, 0)", "unless cells fold at (2, 0)")
+    )
 
 
 @pytest.mark.mpi
