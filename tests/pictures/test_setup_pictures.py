@@ -93,6 +93,52 @@ def test_in_space():
     assert volume == pytest.approx(np.prod(high - low))
 
 
+def test_what_acts_on_no_boundary_and_pairs(monkeypatch):
+    """Gravity from the middle of the body, a point force and both sides of a preload at their
+    points; the sides of a pair name each other and have one colour.
+    """
+    drawn = []
+    monkeypatch.setattr(setup_pictures, "finish", lambda figure, *_: drawn.append(figure))
+    blocks = [
+        {"name": name, "mesh": {"generator": "rectangle"}, "shift": [0.0, shift]}
+        for name, shift in (("low", 0.0), ("high", 1.0))
+    ]
+    scene = parse_scene(
+        {
+            "body": blocks,
+            "material": {"young": 1.0, "poisson": 0.3, "density": 1.0},
+            "displacement": fixed("low.bottom"),
+            "contact": {"boundary": "high.bottom", "against": "low.top"},
+            "gravity": {"y": -9.0},
+            "point_force": {"at": [0.0, 2.0], "x": 3.0},
+            "preload": {"point": [0.5, 1.5], "axis": [1.0, 0.0], "region": "high", "force": 1.0},
+        }
+    )
+    setup = gather_setup(load_mesh(scene, MPI.COMM_SELF), scene.statement)
+    told = [(name, None if at is None else [*at], [*along]) for name, at, along in setup.arrows]
+    assert sorted(told, key=str) == [
+        ("gravity", None, [0.0, -9.0]),
+        ("point force", [0.0, 2.0], [3.0, 0.0]),
+        ("preload", [0.5, 1.5], [-1.0, 0.0]),
+        ("preload", [0.5, 1.5], [1.0, 0.0]),
+    ]
+    setup.draw("nowhere")
+    texts = [text.get_text() for text in drawn[0].axes[0].texts]
+    assert sorted(text for text in texts if text) == [
+        "gravity",
+        "point force",
+        "preload",
+        "preload",
+    ]
+    (legend,) = drawn[0].legends
+    colours = {
+        text.get_text(): line.get_color()
+        for text, line in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    }
+    pair = ["high.bottom: contact with low.top", "low.top: contact with high.bottom"]
+    assert colours[pair[0]] == colours[pair[1]]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_commands(tmp_path, capsys, suffix):

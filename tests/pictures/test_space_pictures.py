@@ -21,7 +21,7 @@ from scene_tables import fixed
 from scenes import alone
 from spaces import block, box, friction_of
 
-from signorini_fx.addons.pictures import contact_surface, gather
+from signorini_fx.addons.pictures import contact_surface, gather, results
 from signorini_fx.addons.pictures.boundary_profiles import STATES
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.report import page
@@ -111,9 +111,28 @@ def test_files(folder):
         if folder.name == "coulomb":
             assert (folder / f"{name}.pdf").stat().st_size > 5000
         with Image.open(folder / f"{name}.png") as image:
-            assert 400 < image.width < 1600
+            assert 400 < image.width < 2400  # two panels beside each other
             assert 300 < image.height < 3000
             assert np.asarray(image.convert("L")).std() > 10
+
+
+def test_the_contact_pressure_stands_beside_the_body(tmp_path, monkeypatch):
+    """On its surface, none where it is open, with a colour bar of its own."""
+    needs_pictures_in_3d()
+    drawn = []
+    monkeypatch.setattr(results, "finish", lambda figure, *_: drawn.append(figure))
+    solution = alone(block(6, bound=1.5))
+    table = solution.table
+    results.gather_pictures(solution).draw(tmp_path, table, None)
+    labels = [axes.get_xlabel() for axes in drawn[-1].axes if axes.get_label() == "<colorbar>"]
+    assert labels == ["von Mises stress, recovered", "contact pressure"]
+    points, facets, pressure = results._pressed(table)
+    assert points.shape == (len(pressure), 3)
+    assert facets.max() < len(pressure)
+    open_nodes = table.columns["state"] == "open"
+    assert open_nodes.any()
+    assert_array_equal(np.isnan(pressure), open_nodes)
+    assert_array_equal(pressure[~open_nodes], table.columns["pressure"][~open_nodes])
 
 
 @pytest.mark.slow

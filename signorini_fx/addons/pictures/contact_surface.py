@@ -114,42 +114,41 @@ def contact_surface(table: Mapping[str, Any], facets: Ints) -> Figure:
 
     Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear
     stress mu as arrows.
-    Below: the state of each node in the area halfway to its neighbours, and the slip as arrows,
+    Beside it: the state of each node in the area halfway to its neighbours, and the slip as arrows,
     magnified as stated in the panel.  If there are many arrows, some are left out.  If little of
     the boundary is in contact, the picture shows that part, and says so.  Without friction: only
     pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each facet in the
     order of VTK, shape (m, 3), (m, 4) or (m, 9).
     """
-    sides = [side for side in sides_of(table, facets) if side.polygons.size]
+    every = [side for side in sides_of(table, facets) if side.polygons.size]
+    closed = [bool(side.touching[side.shown].any()) for side in every]
+    sides = [side for side, shown in zip(every, closed, strict=True) if shown] or every[:1]
+    apart = [side.name for side, shown in zip(every, closed, strict=True) if not shown]
     windows = [_window(side) for side in sides]
-    panels = [
-        (side, window, state)
-        for side, window in zip(sides, windows, strict=True)
-        for state in (False, True)
-    ]
-    panels = [
-        (side, window, state) for side, window, state in panels if side.has_friction or not state
-    ]
     heights = [
-        float(np.clip((_WIDTH - 0.9) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 3.8))
-        for _, (low, high, _), _ in panels
+        float(np.clip((_WIDTH - 0.9) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 3.8)) + 0.9
+        for low, high, _ in windows
     ]
-    size = _WIDTH, sum(heights) + len(panels) + 0.4
+    columns = 1 + any(side.has_friction for side in sides)
+    size = columns * _WIDTH, sum(heights) + 0.1 * len(sides) + 0.4
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.05))
-    grid = figure.subplots(
-        len(panels), squeeze=False, height_ratios=[height + 0.9 for height in heights]
-    )[:, 0]
+    grid = figure.subplots(len(sides), columns, squeeze=False, height_ratios=heights)
     seen: set[str] = set()
-    for axes, (side, (low, high, part), state) in zip(grid, panels, strict=True):
-        _frame(axes, side, low, high)
-        if state:
-            seen.update(_state_panel(axes, side, low, high, f"{side.name}: state"))
-        else:
-            sight = f"seen along {view.combination(-side.view.toward)}" + (
-                ", the part in contact" if part else ""
-            )
-            between = "\n" if len(side.name) > _LONG_NAME else " "
-            _pressure_panel(figure, axes, side, low, high, f"{side.name},{between}{sight}")
+    for row, side, (low, high, part) in zip(grid, sides, windows, strict=True):
+        sight = f"seen along {view.combination(-side.view.toward)}" + (
+            ", the part in contact" if part else ""
+        )
+        between = "\n" if len(side.name) > _LONG_NAME else " "
+        _frame(row[0], side, low, high)
+        _pressure_panel(figure, row[0], side, low, high, f"{side.name},{between}{sight}")
+        if side.has_friction:
+            _frame(row[1], side, low, high)
+            seen.update(_state_panel(row[1], side, low, high, f"{side.name}: state"))
+        for axes in row[1 + side.has_friction :]:
+            axes.set_axis_off()
+    if any(closed) and apart:
+        title = f"nothing in contact: {plain(', '.join(dict.fromkeys(apart)))}"
+        grid[0, 0].set_title(f"{title}\n{grid[0, 0].get_title('left')}", loc="left", fontsize=8)
     if seen:
         state_legend(figure, seen)
     # the layout needs a second pass if equal axes do not fill their place

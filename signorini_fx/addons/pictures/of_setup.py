@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,9 @@ from signorini_fx.machine.compat import geometry_cells
 from signorini_fx.mechanics.assembly.mesh_entities import facet_cells
 from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
 from signorini_fx.mechanics.effects.displacement import Displacement
+from signorini_fx.mechanics.effects.loads import PointForce, Preload
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file, outer_facets
-from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, SampledPoints
+from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, SampledPoints, VectorForce
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement
 
@@ -61,7 +62,21 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
             if effect.surface is not None
             for line in lines_of(effect.gap_in(2), tagged)
         ],
+        [] if statement is None else list(_elsewhere(statement, dim)),
     )
+
+
+def _elsewhere(statement: Statement, dim: int) -> Iterator[tuple[str, Array | None, Array]]:
+    """Yield what acts on no boundary, see ``Setup.arrows``."""
+    for effect in statement.of(Effect):
+        if isinstance(effect, Preload) and effect.point and effect.axis:
+            for way in (1.0, -1.0):
+                yield "preload", np.array(effect.point[:dim]), way * np.array(effect.axis[:dim])
+        elif isinstance(effect, VectorForce) and effect.where is None:
+            parts = [part if isinstance(part, float) else 0.0 for part in effect.components[:dim]]
+            at = effect.at if isinstance(effect, PointForce) else None
+            if any(parts):
+                yield effect.label, None if at is None else np.array(at), np.array(parts)
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
@@ -157,9 +172,12 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     moved = np.zeros_like(middles)
     held: dict[str, None] = {}
     grounded = False
+    partners: dict[str, None] = {}
     for acting_effect in (effect.at_time(time) for effect in acting):
         if isinstance(acting_effect, ContactEffect):
             grounded |= acting_effect.against is None
+            other = (acting_effect.boundary, acting_effect.against)[acting_effect.boundary == name]
+            partners |= {other: None} if other is not None else {}
         elif isinstance(acting_effect, ForceDensity):
             load += _density(acting_effect, on).T
         elif isinstance(acting_effect, Displacement):
@@ -175,7 +193,8 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     corners, normals, load, moved = (
         parallel.rows_on_root(tagged.mesh.comm, rows) for rows in (corners, normals, load, moved)
     )
-    return NamedBoundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
+    told = tuple(held), grounded, tuple(partners)
+    return NamedBoundary(name, kinds, corners, normals, load, moved, *told)
 
 
 def _density(load: ForceDensity, on: SampledPoints) -> Array:

@@ -8,11 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, rigid_motions_of
 from signorini_fx.addons.pictures.style import finish, plain
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import labelled
@@ -62,6 +65,17 @@ def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     if unknown and solution.comm.rank == 0:
         say(f"not drawn, as {reason}: {', '.join(unknown)}")
     return tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)
+
+
+def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
+    """The contact surface in 3D with its pressure, nan where a facet is open; None: it is open."""
+    if contact is None or contact.touching == 0:
+        return None
+    columns = contact.columns
+    facets = facets_of(contact)
+    corners = 3 if facets.shape[1] == 3 else 4
+    pressure = np.where(columns["state"] == "open", np.nan, columns["pressure"])
+    return np.column_stack([columns[axis] for axis in "xyz"]), facets[:, :corners], pressure
 
 
 @dataclass(frozen=True)
@@ -134,19 +148,23 @@ class ResultPictures:
             else foundations_of(contact, rigid_motions_of(self.solution), self.shapes)
         )
         draw: Callable[..., tuple[Figure, str]]
+        beside: dict[str, Any] = {}  # of the first picture alone
         if self._dimension == 2:
             from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw
         else:
             from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
 
-            draw = partial(deformed_solid, seen=telling_view(body, self.fields[0]))
+            seen = telling_view(body, self.fields[0])
+            draw = partial(deformed_solid, seen=seen)
+            beside = {"pressed": _pressed(contact)}
         if self._mirrored:
             body = body.with_mirror_image()
             foundations = [image for part in foundations for image in part.mirrored()]
         solved = self.solution.last_step.status is Status.CONVERGED
         for name in self.fields:
             largest = Largest.of(body, name) if solved else None
-            figure, remark = draw(body, name, foundations=foundations, largest=largest)
+            more = beside if name == self.fields[0] else {}
+            figure, remark = draw(body, name, foundations=foundations, largest=largest, **more)
             self._write(
                 folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark
             )

@@ -88,6 +88,7 @@ class NamedBoundary:
         str, ...
     ] = ()  # names of the components of the displacement that are prescribed: x, y, z or normal
     grounded: bool = False  # whether it may touch a rigid foundation
+    partners: tuple[str, ...] = ()  # names of the boundaries that it may touch
 
     @property
     def middles(self) -> Array:
@@ -99,10 +100,10 @@ class NamedBoundary:
         """Return the name and the loads and supports of the boundary, as in ``left: displacement
         (x, y)``.
         """
-        acting = [
-            f"{kind} ({', '.join(self.held)})" if kind == "displacement" else kind
-            for kind in self.kinds
-        ]
+        more = {"displacement": f" ({', '.join(self.held)})"}
+        if self.partners:
+            more["contact"] = f" with {', '.join(self.partners)}"
+        acting = [f"{kind}{more.get(kind, '')}" for kind in self.kinds]
         return plain(f"{self.name}: {', '.join(acting)}" if acting else self.name)
 
     @property
@@ -127,6 +128,9 @@ class Setup:
     )  # for labels, see ``signorini_fx.mechanics.statement.units``
     # in 2D, lines of the foundations that have shapes, lengths, each of shape (k, 2)
     foundations: Sequence[Array] = ()
+    # what acts on no boundary: its name, the point where it does, length, shape (d,), None: in all
+    # of the body, and its direction, shape (d,)
+    arrows: Sequence[tuple[str, Array | None, Array]] = ()
 
     def draw(self, path_stem: str | Path, suffixes: Sequence[str] = SCREEN) -> None:
         """Write the picture.
@@ -151,12 +155,19 @@ class Setup:
 
     @property
     def _coloured(self) -> list[tuple[NamedBoundary, str, Any]]:
-        """Each boundary with facets, its colour, and the style of its line."""
+        """Each boundary with facets, its colour, and the style of its line; both sides of a pair
+        are alike.
+        """
         shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
         count = len(_COLOURS)
         styles = _LINES if self.polygons.shape[2] == 2 else _LINES[:1]  # in 3D facets are coloured
         lines = [styles[min(k // count, len(styles) - 1)] for k in range(len(shown))]
-        return [(boundary, _COLOURS[k % count], lines[k]) for k, boundary in enumerate(shown)]
+        names = [boundary.name for boundary in shown]
+        found = list[tuple[NamedBoundary, str, Any]]()
+        for own, boundary in enumerate(shown):
+            k = min([own, *(names.index(name) for name in boundary.partners if name in names)])
+            found.append((boundary, _COLOURS[k % count], lines[k]))
+        return found
 
     @property
     def _size(self) -> float:
@@ -235,7 +246,7 @@ class Setup:
         sights = [seen] if self._acts else [seen, view.oblique(122.0, -24.0)]
         cameras = [view.Camera.on(sight, around) for sight in sights]
         inch = BODY_INCHES / (2 * float(cameras[0].half.max()))
-        figure, every = figure_of(body, *cameras, inch=inch)
+        figure, every = figure_of([body] * len(cameras), cameras, inch=inch)
         spread = replace(
             body,
             points=body.points[fan].reshape(-1, 3),
@@ -290,6 +301,21 @@ class Setup:
                     zorder=5,
                 )
 
+        self._draw_others(axes, flat)
+
+    def _draw_others(self, axes: Axes, flat: Callable[[Any], Any]) -> None:
+        """Draw a named arrow to the point of each load that acts on no boundary, or from the middle
+        of the body.
+        """
+        x = self.polygons.reshape(-1, self.polygons.shape[2])
+        for name, point, vector in self.arrows:
+            along = 1.5 * LONGEST_ARROW_OF_SETUP * self._size * vector / np.linalg.norm(vector)
+            start = 0.5 * (x.min(axis=0) + x.max(axis=0)) if point is None else point - along
+            tail, tip = flat(np.stack((start, start + along)))
+            style = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.6}
+            axes.annotate("", tuple(tip), tuple(tail), arrowprops=style, annotation_clip=False)
+            axes.text(tail[0], tail[1], plain(name), **_ON_FACE)
+
     def _arrows(
         self,
         axes: Axes,
@@ -329,9 +355,9 @@ class Setup:
     def _legend(self, figure: Figure) -> None:
         """The names of the boundaries, what acts on them, and how large the longest arrows are."""
         handles = []
-        numbered = self.polygons.shape[2] == 3 and not self._acts
         for boundary, colour, line in self._coloured:
-            if numbered and boundary.name.startswith(_NUMBERED):  # it stands on the faces
+            on_face = self.polygons.shape[2] == 3 and boundary.name.startswith(_NUMBERED)
+            if on_face and not boundary.kinds:
                 continue
             handles.append(
                 Line2D(

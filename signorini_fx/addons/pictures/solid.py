@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of
-from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.fields import FIELDS, Field
 from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
 from signorini_fx.addons.pictures.marks import (
     Largest,
@@ -65,9 +65,8 @@ class Solid:
     limits: tuple[float, float]  # values of the first and the last colour
     colours: Any = None  # a colour map of matplotlib; None: that of all fields
     edges: Ints | None = None  # lines of the mesh to draw, pairs of points, shape (e, 2)
-    at_rest: Array | None = (
-        None  # the undeformed points, shape (n, 3), whose outline is drawn; None: it is not
-    )
+    # points and triangles of a body whose outline is drawn; None: there is none
+    around: tuple[Array, Ints] | None = None
     # points and polygons of each foundation, seen from the side of the body only
     grounds: Sequence[tuple[Array, Ints]] = ()
 
@@ -80,8 +79,10 @@ def deformed_solid(
     seen: View,
     foundations: Sequence[Foundation] = (),
     largest: Largest | None = None,
+    pressed: tuple[Array, Ints, Array] | None = None,
 ) -> tuple[Figure, str]:
     """Draw the outer surface of a deformed body in 3D on its foundation; and say what is magnified.
+    Beside it are contact surfaces where they are ``pressed``: their points, facets, and pressure.
 
     Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
     the facets are drawn if they are large enough to see them.  Arrows show the axes, and how long
@@ -113,15 +114,26 @@ def deformed_solid(
     inch = BODY_INCHES / (2 * float(camera.half.max()))
     facets = np.linalg.norm(normals_of(moved[body.perimeters]), axis=1)
     visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
-    at_rest = None if factor == 1 else body.points
-    solid = replace(solid, at_rest=at_rest, edges=_edges(body) if visible else None)
-    figure, (axes,) = figure_of(solid, camera, inch=inch)
+    rest = body.points, body.triangles
+    around = None if factor == 1 else rest
+    solid = replace(solid, around=around, edges=_edges(body) if visible else None)
+    shown = [solid]
+    if pressed is not None:
+        places, polygons, pressure = pressed
+        fan = np.concatenate([polygons[:, [0, k, k + 1]] for k in range(1, polygons.shape[1] - 1)])
+        values = pressure[fan]
+        limits = usual_range(values.ravel(), np.ones(values.size))
+        of_contact = Tones(Field("contact pressure"), values, *limits)
+        shown.append(Solid(places, fan, values, limits, around=rest))
+    figure, (axes, *beside) = figure_of(shown, [camera] * len(shown), inch=inch)
     draw_lengths(axes, body.points, camera)
     if largest is not None:
         around = body.triangles[(body.triangles == largest.point).any(axis=1)]
         behind = bool((normals_of(body.points[around]) @ seen.toward <= 0).all())
         mark_largest(axes, camera.flat(moved[largest.point]), largest.text, behind=behind)
     tones.bar(figure, axes)
+    if beside:
+        of_contact.bar(figure, beside[0])
     # the layout needs a second pass if equal axes do not fill their place
     figure.draw_without_rendering()
     return figure, magnified(foundations, factor)
@@ -202,8 +214,10 @@ def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
     )
 
 
-def figure_of(solid: Solid, *cameras: Camera, inch: float) -> tuple[Figure, list[Axes]]:
-    """A figure with a picture of a body for each camera, beside each other in axes without ticks;
+def figure_of(
+    solids: Sequence[Solid], cameras: Sequence[Camera], *, inch: float
+) -> tuple[Figure, list[Axes]]:
+    """A figure with a picture of each body by its camera, beside each other in axes without ticks;
     ``inch``: how many a unit of length is.
     """
     halves = np.array([camera.half for camera in cameras])
@@ -211,7 +225,7 @@ def figure_of(solid: Solid, *cameras: Camera, inch: float) -> tuple[Figure, list
     size = max(float(wide.sum()), NARROWEST), 2 * inch * float(halves[:, 1].max()) + 0.9
     figure = Figure(figsize=size, layout="constrained")
     every = figure.subplots(1, len(cameras), squeeze=False, width_ratios=list(wide))[0]
-    for axes, camera in zip(every, cameras, strict=True):
+    for axes, solid, camera in zip(every, solids, cameras, strict=True):
         right, top = camera.half
         picture = image(solid, camera, round(2 * inch * float(right) * PNG_DPI))
         axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
@@ -318,8 +332,8 @@ def _draw(plotter: Any, solid: Solid) -> None:
         # in front of the surface that they are on
         actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=SHARP_EDGE)
-    if solid.at_rest is not None:
-        undeformed = _surface(solid.at_rest, solid.triangles)
+    if solid.around is not None:
+        undeformed = _surface(*solid.around)
         plotter.add_silhouette(
             undeformed, color=MUTED, line_width=1.5, feature_angle=SHARP_EDGE, opacity=0.6
         )

@@ -153,7 +153,7 @@ _SETUP = (
     "Supports, loads and contact before the solve. Squares and circles: supports; arrows: "
     "loads and motions."
 )
-_SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
+_SOLID_BODY = "Gray lines: undeformed body; arrows: its lengths; beside it the contact pressure. "
 _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
 

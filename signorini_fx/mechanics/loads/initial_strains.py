@@ -179,7 +179,9 @@ def jump_loads(
     for jump in jumps:
         if parallel.any_rank(space.mesh.comm, held(jump)):
             raise SceneError.at(
-                jump.path, "contact or a support holds nodes of the section along its axis: move it"
+                jump.path,
+                "contact or a support holds nodes of the section along its axis: move it, or leave "
+                "out the contact of a shank in its hole that stays open",
             )
         terms = elastic.jump_terms(jump.on(space), z)
         forms = tuple(map(compile_form, terms))
