@@ -71,6 +71,7 @@ def test_the_surface_of_a_block(tmp_path, cell, degree):
     area = 2 * (extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0])
     assert 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() == pytest.approx(area)
     assert [step["name"] for step in found["steps"]] == ["time 1", "time 2"]
+    assert next(iter(found["steps"][0]["fields"])) == "recovered von mises"
     for step, share in zip(found["steps"], (0.5, 1.0), strict=True):
         down = unpacked(step["displacement"]).reshape(-1, 3)[:, 2]
         assert_allclose(down, -0.01 * share * points[:, 2] / extent[2], atol=1e-6)

@@ -195,6 +195,7 @@ def _fields_of(
         and values.ndim == 1
         and not (name == _RAW and f"recovered_{_RAW}" in grid)
     ]
+    scalars.sort(key=lambda name: _RAW not in name)  # the first one is shown first
     fields = {name.replace("_", " "): _packed(mean(grid[name])[:, 0]) for name in scalars}
     fields["displacement"] = _packed(np.linalg.norm(displacement, axis=1))
     if contact is not None:
