@@ -133,6 +133,7 @@ def folders(tmp_path_factory):
     found = {page: tmp_path_factory.mktemp(page.stem) for page in (README, *MANUAL)}
     bracket = first_block(OWN_BODY, "geo").text
     for page, folder in found.items():
+        (folder / "demos").symlink_to(ROOT / "demos")
         scene_file = first_block(README, "toml").text if page == README else starting_scene()
         (folder / "scene.toml").write_text(scene_file, encoding="utf-8")
         drawn = first_block(page, "geo")
