@@ -132,7 +132,7 @@ def _errors_of_forces(
         bodies = [body * (not _from_loads(solution, one)) for one in wanted]
     degree = solution.model.tagged.mesh.geometry.cmap.degree
     angle = float(chords(solution.table, degree)[0].max(initial=0.0))
-    loads = force_between_points(solution.model, solution.place)
+    loads = force_between_points(solution)
     errors = []
     for one, body in zip(wanted, bodies, strict=True):
         turned = turning * one.friction * (body > ZERO_IN_SOLUTION * largest)
@@ -141,14 +141,15 @@ def _errors_of_forces(
 
 
 def _from_loads(solution: Any, one: _Resultant) -> bool:
-    """Whether loads alone determine a resultant: on a flat contact boundary, where
-    nothing else holds the body in that direction.
+    """Whether loads alone are known to determine a resultant: on a flat contact boundary, where
+    nothing else holds the body in that direction; of a user's forms that is not known.
     """
     model = solution.model
     columns = solution.table.columns
     bent = [np.ptp(columns[f"n_{axis}"]) for axis in "xyz" if f"n_{axis}" in columns]
-    others = any(effect.against for effect in model.contacts) or model.statement.of(Resistance)
-    if max(bent) > ROOT_OF_EPS or others or model.statement.nonlinear:
+    others = any(effect.against for effect in model.contacts) or solution.statement.of(Resistance)
+    unknown = model.coefficients is None
+    if max(bent) > ROOT_OF_EPS or others or unknown or solution.statement.nonlinear:
         return False
     held = set() if model.kinematics.uniform else {0}
     for support in model.held:
@@ -167,7 +168,7 @@ def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] |
     if reached is None:
         return None
     law = reached.start.law
-    if any(refused_by(model.statement, REFUSES)) or (law is not None and law.follows_slip):
+    if any(refused_by(solution.statement, REFUSES)) or (law is not None and law.follows_slip):
         return None
     boundary = solution.contact.boundary
     task = reached.posed.task
@@ -198,7 +199,7 @@ def _missed_by_points(solution: Any) -> float:
     model = solution.model
     table = solution.table
     columns = table.columns
-    displaced = range(len(model.contacts) * model.statement.nonlinear)
+    displaced = range(len(model.contacts) * solution.statement.nonlinear)
     missed = missed_by_points(solution.contact.boundary, table, model.kinematics, displaced)
     work, force = parallel.global_sum(model.comm, np.array([part.sum() for part in missed]))
     pushing = columns["weight"] * columns["pressure"]
@@ -279,17 +280,19 @@ def _around(solution: Any, rows: Any) -> Array:
     return np.broadcast_to(measure, len(rows) - 1)
 
 
-def force_between_points(model: Any, place: float) -> float:
+def force_between_points(solution: Any) -> float:
     """The force of loads on boundaries that their quadrature misses, as where one jumps within a
     facet; collective.
     """
+    model = solution.model
+    statement = solution.statement
     mesh = model.tagged.mesh
     dim = model.tagged.dimension
     total = 0.0
-    for load in model.statement.of(ForceDensity):
+    for load in statement.of(ForceDensity):
         if not load.varies or load.nodal or load.where is None:
             continue
-        factor, now = model.statement.now(load, place)
+        factor, now = statement.now(load, solution.place)
         vertices = facet_vertices(mesh, model.tagged.facets(load.where))
         simplex = mesh.topology.cell_name() in ("triangle", "tetrahedron")
         kind = "interval" if dim == 2 else "triangle" if simplex else "quadrilateral"
@@ -298,7 +301,7 @@ def force_between_points(model: Any, place: float) -> float:
         element = basix.create_element(basix.ElementFamily.P, cell, 1)
         along = (np.arange(_FINE)[:, None] + 0.5) / _FINE, np.full(_FINE, 1 / _FINE)
         rules = (
-            basix.make_quadrature(cell, load.degree(model.statement.element.degree)),
+            basix.make_quadrature(cell, load.degree(statement.element.degree)),
             along if dim == 2 else basix.make_quadrature(cell, _FINE_DEGREE),
         )
         forces = []
@@ -377,7 +380,9 @@ def _near_a_corner(solution: Any) -> str:
             large = pressure[row] > (NOTABLE if row in beyond else 0.5) * pressure.max()
             if near or (large and (straight or row in beyond)):
                 place = tuple(map(float, x[row]))
-                if row in beyond or why_no_limit(solution.model, place):
+                # Of the forms of a user nobody says what holds and loads them there.
+                unknown = solution.model.coefficients is None
+                if row in beyond or unknown or why_no_limit(solution.model, place):
                     return point_in_words(place)
     return ""
 

@@ -23,8 +23,9 @@ from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import summary_schema
 
 COMM = MPI.COMM_WORLD
-# What a run says of itself, of which two runs have their own.
-OF_THE_RUN = {"cost", "finished", "timings", "scene", "findings", "versions", "fields"}
+# What a run says of itself, of which two runs have their own; and the errors of numbers, which are
+# smaller where entries of a scene tell what holds a body.
+OF_THE_RUN = {"cost", "finished", "timings", "scene", "findings", "versions", "fields", "numbers"}
 
 
 def as_forms(statement, tagged, **arguments):

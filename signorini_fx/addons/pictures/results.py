@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from signorini_fx.addons.pictures.body import DrawnBody
+from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, rigid_motions_of
 from signorini_fx.addons.pictures.style import finish, plain
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import labelled
@@ -68,14 +68,21 @@ def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 
 
 def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
-    """The contact surface in 3D with its pressure, nan where a facet is open; None: it is open."""
+    """The points and facets of the contact surface in 3D, counterclockwise as seen from outside,
+    with their pressure, nan at open points; None: it is open.
+    """
     if contact is None or contact.touching == 0:
         return None
     columns = contact.columns
     facets = facets_of(contact)
-    corners = 3 if facets.shape[1] == 3 else 4
+    facets = facets[:, : 3 if facets.shape[1] == 3 else 4]
+    places, outwards = (
+        np.column_stack([columns[f"{begin}{axis}"] for axis in "xyz"]) for begin in ("", "n_")
+    )
+    inwards = inner(normals_of(places[facets[:, :3]]), outwards[facets].sum(axis=1)) < 0
+    facets = np.where(inwards[:, None], facets[:, ::-1], facets)
     pressure = np.where(columns["state"] == "open", np.nan, columns["pressure"])
-    return np.column_stack([columns[axis] for axis in "xyz"]), facets[:, :corners], pressure
+    return places, facets, pressure
 
 
 @dataclass(frozen=True)
