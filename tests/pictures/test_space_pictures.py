@@ -22,6 +22,7 @@ from scenes import alone
 from spaces import block, box, friction_of
 
 from signorini_fx.addons.pictures import contact_surface, gather, results
+from signorini_fx.addons.pictures.body import normals_of
 from signorini_fx.addons.pictures.boundary_profiles import STATES
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.report import page
@@ -117,7 +118,9 @@ def test_files(folder):
 
 
 def test_the_contact_pressure_stands_beside_the_body(tmp_path, monkeypatch):
-    """On its surface, none where it is open, with a colour bar of its own."""
+    """On its surface, nothing where it is open, with a colour bar of its own; its facets are
+    counterclockwise as seen from outside.
+    """
     needs_pictures_in_3d()
     drawn = []
     monkeypatch.setattr(results, "finish", lambda figure, *_: drawn.append(figure))
@@ -131,8 +134,9 @@ def test_the_contact_pressure_stands_beside_the_body(tmp_path, monkeypatch):
     assert facets.max() < len(pressure)
     open_nodes = table.columns["state"] == "open"
     assert open_nodes.any()
-    assert_array_equal(np.isnan(pressure), open_nodes)
+    assert_array_equal(pressure == 0.0, open_nodes)
     assert_array_equal(pressure[~open_nodes], table.columns["pressure"][~open_nodes])
+    assert (normals_of(points[facets[:, :3]])[:, 2] < 0).all()
 
 
 @pytest.mark.slow

@@ -69,7 +69,7 @@ def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 
 def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
     """The points and facets of the contact surface in 3D, counterclockwise as seen from outside,
-    with their pressure, nan at open points; None: it is open.
+    with their pressure; None: it is open.
     """
     if contact is None or contact.touching == 0:
         return None
@@ -81,8 +81,7 @@ def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
     )
     inwards = inner(normals_of(places[facets[:, :3]]), outwards[facets].sum(axis=1)) < 0
     facets = np.where(inwards[:, None], facets[:, ::-1], facets)
-    pressure = np.where(columns["state"] == "open", np.nan, columns["pressure"])
-    return places, facets, pressure
+    return places, facets, np.where(columns["state"] == "open", 0.0, columns["pressure"])
 
 
 @dataclass(frozen=True)

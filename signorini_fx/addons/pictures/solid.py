@@ -122,6 +122,7 @@ def deformed_solid(
         places, polygons, pressure = pressed
         fan = np.concatenate([polygons[:, [0, k, k + 1]] for k in range(1, polygons.shape[1] - 1)])
         values = pressure[fan]
+        values[(values == 0.0).all(axis=1)] = np.nan
         limits = usual_range(values.ravel(), np.ones(values.size))
         of_contact = Tones(Field("contact pressure"), values, *limits)
         shown.append(Solid(places, fan, values, limits, around=rest))
