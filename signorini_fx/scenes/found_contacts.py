@@ -320,6 +320,7 @@ def scene_of(mesh: MeshFile, arrays: MeshArrays, file: Path) -> str:
         first = next(iter(arrays.regions))
         own = f"  # each its own: [{{ region = {_quoted(first)}, young = ... }}, ...]"
     named = [f"units = {_MILLIMETRES}"] if mesh.file.suffix.lower() in (".step", ".stp") else []
+    shown = f"{file.stem}.png shows the boundaries, such as {_quoted(min(arrays.boundaries))}"
     lines = [
         f"# {bodies}",
         *unnamed,
@@ -327,7 +328,7 @@ def scene_of(mesh: MeshFile, arrays: MeshArrays, file: Path) -> str:
         mesh_entry(mesh, file.parent, contacts),
         *named,
         "",
-        f'# Fill in what is 0.0 or ""; {file.stem}.png has the numbers of the boundaries.',
+        f'# Fill in what is 0.0 or ""; {shown}.',
         f"material = {{ young = 0.0, poisson = 0.3 }}{own}",
         f'displacement = [{{ boundary = "", {held} }}]  # supports',
         'traction = [{ boundary = "", pressure = 0.0 }]  # or x, y, z: forces per area',
