@@ -180,3 +180,23 @@ def test_it_is_computed_where_it_is_asked_for():
     assert "numbers" not in vars(solution)
     assert "recovery" not in vars(solution.mechanics)
     assert solution.numbers
+
+
+@pytest.mark.mpi
+def test_a_load_on_facets_of_one_rank_alone():
+    """Of hexahedra, whose facets have four corners on ranks that have none of these, too: there the
+    others waited for ever.
+    """
+    scene = {
+        "mesh": {"generator": "box", "parameters": {"length": 6.0, "nx": 12, "ny": 2, "nz": 2}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "traction": [
+            {"boundary": "right", "z": "-1 if x[2] > 0.3 else 0"},
+            {"boundary": "top", "z": -1.0},
+        ],
+        "contact": {"boundary": "bottom"},
+    }
+    numbers = solve(parse_scene(scene)).numbers
+    assert numbers["force"].value[2] == pytest.approx(6.7, rel=0.05)
+    assert 0 < numbers["force"].error < 0.2 * numbers["force"].value[2]

@@ -110,7 +110,8 @@ def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
 def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
     """The vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
-        return np.empty((0, mesh.topology.dim, 3))
+        kind = getattr(basix.CellType, mesh.topology.cell_name())
+        return np.empty((0, len(basix.topology(kind)[mesh.topology.dim - 1][0]), 3))
     return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(
         np.float64
     )
