@@ -148,7 +148,8 @@ def _from_loads(solution: Any, one: _Resultant) -> bool:
     columns = solution.table.columns
     bent = [np.ptp(columns[f"n_{axis}"]) for axis in "xyz" if f"n_{axis}" in columns]
     others = any(effect.against for effect in model.contacts) or solution.statement.of(Resistance)
-    unknown = model.coefficients is None
+    # Effects in time such as inertia add forces to those that are stated.
+    unknown = model.coefficients is None or solution.last_step.acting is not None
     if max(bent) > ROOT_OF_EPS or others or unknown or solution.statement.nonlinear:
         return False
     held = set() if model.kinematics.uniform else {0}

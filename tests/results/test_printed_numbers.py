@@ -3,6 +3,7 @@ reason.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +15,11 @@ from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.quantities.summary import NO_FINITE_VALUE, PrintedNumber
 from signorini_fx.results.summary import lines_of, proved, summary_of
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.reading import changed, parse_scene, read_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.sweep import row_of
+
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 
 def block(n=10, length=2.0, **changes):
@@ -200,3 +203,12 @@ def test_a_load_on_facets_of_one_rank_alone():
     numbers = solve(parse_scene(scene)).numbers
     assert numbers["force"].value[2] == pytest.approx(6.7, rel=0.05)
     assert 0 < numbers["force"].error < 0.2 * numbers["force"].value[2]
+
+
+@pytest.mark.parametrize(("name", "times"), [("bar", [0.0, 0.5]), ("lid", [0.1, 0.2])])
+def test_forces_of_effects_are_no_loads(name, times):
+    """A body that hits the floor without any load, and a fluid that seeps in."""
+    scene = changed(read_scene(DEMOS / f"{name}.toml"), {"load_steps.times": times})
+    force = alone(parse_scene(scene)).numbers["force"]
+    assert force.why != "from the loads"
+    assert force.error > 0
