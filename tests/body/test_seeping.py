@@ -9,6 +9,7 @@ from scene_tables import box_mesh, fixed, rectangle_mesh
 
 from signorini_fx import sensitivity, solve
 from signorini_fx.errors import SceneError
+from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
 BLOCK = {
@@ -138,8 +139,9 @@ def test_in_time():
 )
 def test_bad_input(changes, message):
     contact = {**BLOCK["contact"], "seeping": {**BLOCK["contact"]["seeping"], **changes}}
-    with pytest.raises(SceneError, match=message):
-        solve(scene(contact=contact))
+    for ask in (check_scene, solve):
+        with pytest.raises(SceneError, match=message):
+            ask(scene(contact=contact))
 
 
 def test_what_it_does_not_go_with():

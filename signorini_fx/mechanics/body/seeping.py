@@ -99,6 +99,11 @@ class SeepingFluids(StepEffect):
             self._at_side(model, model.boundary)
         return state
 
+    def findings(self, model: Model) -> Iterator[Finding]:
+        if model.boundary is not None:
+            self._at_side(model, model.boundary)
+        return iter(())
+
     def _at_side(self, model: Model, boundary: ContactBoundary) -> Flags:
         """Which points are on the side of their fluid, shape (n,); collective.
 
