@@ -111,7 +111,7 @@ def value(entry: Any) -> Any:
 def not_negative(entry: Any) -> Any:
     """A value that is not a negative number."""
     if isinstance(entry, float) and entry < 0:
-        raise ValueError(f"must not be negative, got {entry:g}")
+        raise ValueError(f"must not be negative, got {float(entry)}")
     return entry
 
 
