@@ -48,6 +48,12 @@ def interpolation_points(element: Any) -> Array:
     return points() if callable(points) else points
 
 
+def cell_name(domain: Any) -> str:
+    """The name of the cells of a mesh in UFL: a method until 0.9, a property since."""
+    name = domain.ufl_cell().cellname
+    return str(name() if callable(name) else name)
+
+
 def _cmap(geometry: Any) -> Any:
     """Return the geometry map of a mesh; dolfinx 0.11 has one for each kind of cell."""
     return geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap

@@ -22,7 +22,7 @@ import numpy as np
 
 from signorini_fx.arrays import Array, matvec, rmatvec
 from signorini_fx.errors import SignoriniError
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices, node_positions
 from signorini_fx.mechanics.contact_points.contact_table import is_closed
@@ -130,7 +130,7 @@ def _errors_of_forces(
     if bodies is None:
         body = (error**2 + _missed_by_points(solution)) * largest
         bodies = [body * (not _from_loads(solution, one)) for one in wanted]
-    degree = solution.model.tagged.mesh.geometry.cmap.degree
+    degree = compat.geometry_degree(solution.model.tagged.mesh)
     angle = float(chords(solution.table, degree)[0].max(initial=0.0))
     loads = force_between_points(solution)
     errors = []

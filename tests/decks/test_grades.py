@@ -254,7 +254,7 @@ def test_grades(tmp_path, grade):
     assert not wrong
 
 
-@pytest.mark.one_quick(("effect", "changes"), decks_of(partly=REFUSED))
+@pytest.mark.one_quick(("effect", "changes"), list(decks_of(partly=REFUSED)))
 def test_errors(tmp_path, effect, changes):
     """A deck with each row ends in an error that names the line."""
     deck, _ = written(tmp_path, *changes)

@@ -175,7 +175,7 @@ def test_meshes_of_other_programs_in_memory(tmp_path):
         gmsh.finalize()
     mesh = meshio.read(tmp_path / "block.msh")
     solutions.append(alone(scene(mesh=mesh)))
-    grid = pyvista.from_meshio(mesh)
+    grid = pyvista.from_meshio(meshio.Mesh(mesh.points, mesh.cells))
     with pytest.raises(sfx.MeshError, match="name some by read_mesh"):
         sfx.solve(scene(mesh=grid), COMM)
     rules = {"left": "x[0] < 1e-9", "bottom": "x[1] < 1e-9", "top": "x[1] > 1 - 1e-9"}

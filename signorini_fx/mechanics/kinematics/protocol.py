@@ -259,10 +259,12 @@ class BodyOfRevolution(Kinematics):
         """
         import ufl
 
+        from signorini_fx.machine import compat
+
         radius = position(y)[0]
         domain = ufl.domain.extract_unique_domain(y)
         jacobian = ufl.Jacobian(domain)
-        own: Any = ufl.as_matrix(_SECOND_MOMENTS[domain.ufl_cell().cellname()])
+        own: Any = ufl.as_matrix(_SECOND_MOMENTS[compat.cell_name(domain)])
         moments: Any = jacobian * own * jacobian.T
         curved = ufl.grad(ufl.grad(y))
         i, j, k = ufl.indices(3)

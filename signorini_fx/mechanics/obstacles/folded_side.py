@@ -102,7 +102,9 @@ class FoldedSide(MovingPair):
         )
         if self.changed:
             text += f", {self.changed} with points on the other side than in the step before"
-        return text + f"; {beside} beside them, as in folds, have no partner" * (beside > 0)
+        if beside:
+            text += f"; {beside} beside them, as in folds, have no partner"
+        return text
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         on_nodes = displacement[: len(self.whole.x)]
