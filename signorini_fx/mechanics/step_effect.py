@@ -14,9 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self, cast
-
-from dolfinx import fem
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -32,6 +30,9 @@ from signorini_fx.mechanics.statement.effect import ContactPart, Effect
 from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, Status
+
+if TYPE_CHECKING:
+    from dolfinx import fem
 
 
 @dataclass(frozen=True)

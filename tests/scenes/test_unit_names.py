@@ -73,7 +73,7 @@ def test_the_page_has_units_and_the_tables_do_not_change(tmp_path):
         tmp_path / "named/profiles.png"
     ).read_bytes()
     bare, text = (re.sub(r"<[^>]*>", " ", page(tmp_path / name)) for name in ("bare", "named"))
-    assert re.search(r"largest pressure [\d.]+ MPa", text)
+    assert re.search(r"largest pressure [\d.]+ \+- [\d.]+ MPa", text)
     assert "(0, 20) N/mm" in text
     assert "Units are those of the scene" in bare
     assert "Units: length mm, stress MPa, " in text

@@ -51,6 +51,7 @@ from signorini_fx.mechanics.rigid.moving_masses import (
     driven_to_end,
     energy,
     free_motion,
+    heavier,
     in_middle,
     masses,
     mean_loads,
@@ -58,7 +59,6 @@ from signorini_fx.mechanics.rigid.moving_masses import (
     refuse_massless,
     set_in_motion,
     velocity_of,
-    with_masses,
 )
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.state import State
@@ -210,7 +210,7 @@ class MidpointRule(StepEffect):
         def terms() -> tuple[fem.Form, ...]:
             return *model.forms, _mass_form(model, factor)
 
-        return with_masses(replace(model, terms=terms, resists=resists), factor)
+        return _with_masses(replace(model, terms=terms, resists=resists), factor)
 
     def stepped(self, F: Any, J: Any, u: fem.Function, density: Any) -> SteppedForms:
         space = u.function_space
@@ -631,3 +631,15 @@ def _held_change(model: Model, new: State, change: Array) -> Array:
     at_nodes[nodes] = moved - across + kept
     function.x.scatter_forward()
     return np.array(function.x.array)
+
+
+def _with_masses(model: Model, factor: float) -> Model:
+    """A body whose rigid ones have springs of a factor times their masses."""
+    rigid = model.rigid
+    boundary = model.boundary
+    if not rigid.bodies or boundary is None or boundary.moving is None:
+        return model
+    bodies = [heavier(rigid, body, factor) for body in rigid.bodies]
+    rigid = replace(rigid, bodies=bodies)
+    moving = replace(boundary.moving, stiffness=rigid.stiffness, bodies=bodies)
+    return replace(model, rigid=rigid, boundary=replace(boundary, moving=moving))

@@ -16,7 +16,6 @@ import numpy as np
 
 from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS, RigidBody
@@ -55,19 +54,7 @@ def refuse_massless(rigid: RigidBodies) -> None:
         raise SceneError(problems)
 
 
-def with_masses(model: Model, factor: float) -> Model:
-    """A body whose rigid ones have springs of a factor times their masses."""
-    rigid = model.rigid
-    boundary = model.boundary
-    if not rigid.bodies or boundary is None or boundary.moving is None:
-        return model
-    bodies = [_heavier(rigid, body, factor) for body in rigid.bodies]
-    rigid = replace(rigid, bodies=bodies)
-    moving = replace(boundary.moving, stiffness=rigid.stiffness, bodies=bodies)
-    return replace(model, rigid=rigid, boundary=replace(boundary, moving=moving))
-
-
-def _heavier(rigid: RigidBodies, body: RigidBody, factor: float, **more: Any) -> RigidBody:
+def heavier(rigid: RigidBodies, body: RigidBody, factor: float, **more: Any) -> RigidBody:
     """A rigid body with springs of a factor times its masses, and other keys of its motion."""
     dim = rigid.kinematics.dimension
     stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
@@ -89,7 +76,7 @@ def driven_to_end(rigid: RigidBodies, state: State, dt: float) -> list[RigidBody
     for body, load in zip(rigid.bodies, rows, strict=True):
         moment = tuple(load[dim:]) if dim == 3 else load[dim]
         more = {"force": tuple(load[:dim]), "moment": moment}
-        driven.append(_heavier(rigid, body, factor, **more))
+        driven.append(heavier(rigid, body, factor, **more))
     return driven
 
 
