@@ -184,8 +184,14 @@ def test_results_are_those_of_the_end_of_a_step(monkeypatch):
     )
     work = [each.contact.friction_work for each in solution.steps]
     assert sum(work) == pytest.approx(0.25, rel=1e-3)
-    slips = [each.contact.slip_length.mean() for each in solution.steps[1:]]
-    way = solution.contact.u_t.mean() - solution.steps[0].contact.u_t.mean()
+
+    def mean(values):
+        """Over the points of all ranks, of which one may have none."""
+        total, count = MPI.COMM_WORLD.allreduce(np.array([values.sum(), values.size]))
+        return total / count
+
+    slips = [mean(each.contact.slip_length) for each in solution.steps[1:]]
+    way = mean(solution.contact.u_t) - mean(solution.steps[0].contact.u_t)
     assert sum(slips) == pytest.approx(way, rel=1e-4)
     braked = solution.at(solution.steps[10]).resultants
     forces = [each.force for each in braked.every()]
