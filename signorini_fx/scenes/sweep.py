@@ -96,31 +96,23 @@ def sweep(
 class Sweep(Iterator[Solution]):
     """The solutions of a scene for several values of its entries, one after the other; every
     method is collective.
-
-    Attributes:
-        rows: the values, outcome and figures of those that are solved, see ``row_of``.
     """
 
     def __init__(self, scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm) -> None:
-        self.rows: list[dict[str, Any]] = []
-        self._changes = changes
-        self._solutions = solutions_of(scene, changes, comm)
+        self._solved = zip(changes, solutions_of(scene, changes, comm), strict=True)
 
     def __next__(self) -> Solution:
-        solution = next(self._solutions)
-        self.rows.append(row_of(self._changes[len(self.rows)], solution))
-        return solution
+        return next(self._solved)[1]
 
     def to_dataframe(self) -> Any:
-        """Solve what is left, and return all rows as a ``pandas.DataFrame``.
+        """Solve what is left, and return a row of figures for each of it, see ``row_of``, as a
+        ``pandas.DataFrame``.
 
         Raises:
             InstallationError: pandas is not installed.
         """
         dataframe([])  # it says before the solves that pandas is missing
-        for _ in self:
-            pass
-        return dataframe(self.rows)
+        return dataframe([row_of(values, solution) for values, solution in self._solved])
 
 
 def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:

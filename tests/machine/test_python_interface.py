@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from spaces import block
 
 import signorini_fx as sfx
+import signorini_fx.scenes.sweep as parameter_sweep
 from signorini_fx import SceneError
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.effect import Effect
@@ -153,6 +154,13 @@ def test_tables_for_pandas(monkeypatch, tmp_path):
     # Without a gap all is proportional to the load, -20 in ``scene``.
     forces = solution.contact.forces[0][1] * np.array([0.05, 0.1])
     np.testing.assert_allclose([row["contact_force"] for row in rows], forces, rtol=1e-9)
+
+
+def test_figures_of_a_sweep_are_those_that_are_asked_for(monkeypatch):
+    """Who goes through the solutions alone pays for none."""
+    monkeypatch.setattr(parameter_sweep, "row_of", lambda *_: pytest.fail("nobody asked"))
+    solutions = list(sfx.sweep(scene(), {"traction[0].y": [-1.0, -2.0]}, COMM))
+    assert [solution.converged for solution in solutions] == [True, True]
 
 
 def test_meshes_of_other_programs_in_memory(tmp_path):
