@@ -222,9 +222,10 @@ def _append(path: Path, comm: MPI.Comm, text: str, values: Array | None = None) 
     """
     own = b"" if values is None else values.tobytes()
     sizes = comm.allgather(len(own))
-    if values is not None and parallel.is_root(comm):
-        own = np.uint64(sum(sizes)).tobytes() + own
-    sizes = comm.allgather(len(own))
+    if values is not None:
+        header = np.uint64(sum(sizes)).tobytes()
+        own = header + own if parallel.is_root(comm) else own
+        sizes[0] += len(header)
     behind = b"".join(comm.allgather(own[:2])[comm.rank + 1 :])
     first = sum(sizes[: comm.rank])
     skipped = -first % 3
