@@ -252,7 +252,7 @@ def test_included_files(tmp_path, capsys):
     ]
     (tmp_path / "nodes.txt").write_text("101, 0., zero\n")
     said = drafted(tmp_path, deck, capsys, code=2)[2]
-    assert "line 2 of all.inc, *NODE: could not convert" in said
+    assert "line 2 of all.inc, *NODE: a number is expected, got" in said
 
 
 def test_included_files_that_are_refused(tmp_path, capsys):

@@ -324,7 +324,7 @@ def test_abaqus(tmp_path, kind):
         ),
         ("*End Part", "*Node\n1, 5., 5.", "node 1 is defined twice"),
         ("*End Part", "*Ngen\n1, 5, 1", "NGEN: nodes and elements are not generated here"),
-        ("1.D0", "one", "could not convert string to float"),
+        ("1.D0", "one", "a number is expected, got 'one'"),
     ],
 )
 def test_abaqus_that_is_not_understood(tmp_path, old, new, message):

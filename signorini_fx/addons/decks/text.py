@@ -122,6 +122,10 @@ class DeckError(ValueError):
         super().__init__(why)
 
 
+# How Python says that a word is no number.
+_PYTHONS_WORDS = re.compile(r"invalid literal for int\(\) with base 10: |could not convert .*: ")
+
+
 @contextmanager
 def mesh_errors(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
     """Turn what goes wrong with a keyword into a ``MeshError`` that names its line."""
@@ -135,7 +139,7 @@ def mesh_errors(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
             KeyError: f"{error.args[0]} is missing",
             OverflowError: "a number is too large",
         }
-        why = words.get(type(error), str(error))
+        why = words.get(type(error), _PYTHONS_WORDS.sub("a number is expected, got ", str(error)))
         raise MeshError(f"{file}: {block.origin + ': ' if block else ''}{why}") from None
 
 
