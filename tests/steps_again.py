@@ -65,13 +65,16 @@ def frozen_cases():
 
 
 def scene_file(case, folder):
-    """Return the file of a scene, which is written with its mesh where it has none."""
+    """Return the file of a scene, which is written with its mesh where there is none yet: ranks
+    that read it must not write it.
+    """
     if "file" in case:
         return Path(case["file"])
-    if "mesh" in case:
-        (folder / "body.inp").write_text(case["mesh"], encoding="utf-8")
     file = folder / "scene.toml"
-    file.write_text(case["scene"], encoding="utf-8")
+    if not file.exists():
+        if "mesh" in case:
+            (folder / "body.inp").write_text(case["mesh"], encoding="utf-8")
+        file.write_text(case["scene"], encoding="utf-8")
     return file
 
 

@@ -141,8 +141,18 @@ def read_scene(path: str | Path) -> Scene:
     """
     if not isinstance(path, str | Path):
         raise TypeError(f"the path of a scene file is expected, not {kind_of(path)}")
-    path = Path(path)
-    return parse_scene_text(read_scene_text(path), path)
+    return _scene_of_file(Path(path), None)
+
+
+def _scene_of_file(path: Path, comm: MPI.Comm | None) -> Scene:
+    """Return the scene of a file, which one rank of several reads: it may not be the same for all,
+    or not be there for some; collective.
+    """
+    if comm is None:
+        return parse_scene_text(read_scene_text(path), path)
+    from signorini_fx.machine import parallel
+
+    return parse_scene_text(parallel.on_root(comm, lambda: read_scene_text(path)), path)
 
 
 def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
@@ -153,7 +163,7 @@ def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
         case Scene():
             found = scene
         case str() | Path():
-            found = read_scene(scene)
+            found = _scene_of_file(Path(scene), comm)
         case Mapping():
             found = parse_scene(scene)
         case _:

@@ -25,7 +25,7 @@ from signorini_fx.machine.manifest import MANIFEST, PART
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results import files
 from signorini_fx.results.folder import CHECKPOINT, ResultFolder
-from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.solver import build_problem, solve
 
 SELF = MPI.COMM_SELF
 
@@ -286,3 +286,19 @@ def test_mesh_that_no_machine_holds(monkeypatch, generator, parameters):
     with pytest.raises(SceneError, match=reasons):
         generate_mesh(generator, parameters, MPI.COMM_WORLD)
     assert time.process_time() - begin < 1.0
+
+
+@pytest.mark.mpi
+def test_scene_file_that_one_rank_alone_has(tmp_path):
+    """One rank reads it; each rank by itself would wait for those that raise."""
+    comm = MPI.COMM_WORLD
+    file = tmp_path / f"scene-{comm.rank}.toml"
+    if comm.rank == 0:
+        file.write_text(
+            'mesh = { generator = "rectangle" }\nmaterial = { young = 1.0, poisson = 0.3 }\n'
+            'displacement = [{ boundary = "top", y = -1e-3 }]\ncontact = { boundary = "bottom" }\n',
+            encoding="utf-8",
+        )
+    assert len(build_problem(file, comm).path.times) == 1
+    with pytest.raises(SceneError, match="cannot be read"):
+        build_problem(tmp_path / ("absent.toml" if comm.rank == 0 else file), comm)
