@@ -15,10 +15,10 @@ from __future__ import annotations
 # --- gamma: the regularisation --------------------------------------------------------------------
 
 # Natural gamma = this times E / size of the body: penetration is about 1e-5 of the displacements.
-# Source: docs/theory.md, "γ"; docs/evidence/stability.csv.
+# Source: docs/theory.md, "γ"; docs/evidence/stability.csv of 75fb70cb.
 AUTOMATIC_GAMMA = 1e5
 # gamma above this times E / size loses the last digits of contact pressures.  Source:
-# docs/evidence/stability.csv.
+# docs/evidence/stability.csv of 75fb70cb.
 LARGEST_GAMMA = 1e9
 # Path-following begins at this times E / size, where the penetration is a hundredth of the
 # displacements.  Choice.
@@ -49,16 +49,16 @@ GAMMA_GROWTH = 10.0
 # --- linear algebra and nested iteration ----------------------------------------------------------
 
 # With fewer unknowns factorisations cost no more than to condense;
-# docs/evidence/linear_algebra_in_space.csv.
+# docs/evidence/linear_algebra_in_space.csv of 75fb70cb.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Three dense matrices of this many unknowns take 0.6 GB, on each rank.
 MOST_CONDENSED_UNKNOWNS = 5_000
 # Of a nonlinear body in 3D contact points are condensed onto that are nearer to their shapes than
 # this many times the largest motion to be expected; answers do not depend on it.  Source:
-# docs/evidence/nonlinear_costs.csv.
+# docs/evidence/nonlinear_costs.csv of 5403cefd.
 RETAINED_REACH = 0.5
 # From this number of unknowns on a Krylov method is taken in 3D; the second where the system can be
-# condensed. Source: docs/evidence/linear_algebra_in_space.csv.
+# condensed.  Source: docs/evidence/linear_algebra_in_space.csv of 75fb70cb.
 FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
 # From this number of unknowns on a body with a Krylov method is assembled by blocks, and a coarsest
 # mesh with more is coarsened further by aggregation.  Choice.
@@ -70,7 +70,7 @@ PREFETCHED_BYTES = 3_600
 # for 0.4.
 LARGEST_MULTIGRID_POISSON = 0.49
 # Left by a Krylov solve of its residual while the sets change.  Source:
-# docs/evidence/whole_solves_in_space.csv.
+# docs/evidence/whole_solves_in_space.csv of 75fb70cb.
 INEXACT_TOLERANCE = 0.03
 # Steps of a Krylov method at most: ten times as many as it was seen to take.  Choice.
 KRYLOV_STEPS = 1000
@@ -132,7 +132,7 @@ LASTING_SHARE = 0.6
 # Choice.
 SLOWEST_DECREASE = 0.95
 # Powers of the unknowns that time and memory of factors grow with.  Tuned on
-# docs/evidence/prediction.csv.
+# docs/evidence/prediction.csv of 75fb70cb.
 TIME_POWER = {2: 1.2, 3: 1.6}
 MEMORY_POWER = {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start.
@@ -225,7 +225,7 @@ SMALLEST_INCREMENT = 1e-5
 ROOT_OF_EPS = 1e-8
 # What assemblies, linear solves and sums over a mesh leave of what should vanish, as a share of the
 # largest one or of the forces.  Choice: ten times what direct solves leave;
-# docs/evidence/whole_solves_in_space.csv.
+# docs/evidence/whole_solves_in_space.csv of 75fb70cb.
 LEFT_BY_SOLVES = 1e-11
 # A share that three digits do not show.  Choice.
 NEGLIGIBLE = 1e-3

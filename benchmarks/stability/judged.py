@@ -10,10 +10,10 @@ node ... that is another one, and its value to 10 %; of friction, whether it is 
 does not show by how much.
 """
 
+import argparse
 import csv
 import re
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -312,4 +312,8 @@ def main(what: str, folder: Path, file: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]), *sys.argv[3:])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
+    parser.add_argument("what", choices=("run", "judge"))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("file", nargs="?", default="")
+    main(**vars(parser.parse_args()))

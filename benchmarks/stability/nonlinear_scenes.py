@@ -16,6 +16,7 @@ friction whether the second derivative of the energy is positive.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
@@ -741,4 +742,7 @@ def main(count: int, first: int = 0) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:])))
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
+    parser.add_argument("count", type=int)
+    parser.add_argument("first", type=int, nargs="?", default=0)
+    sys.exit(main(**vars(parser.parse_args())))

@@ -9,6 +9,7 @@ number is further from its reference than the tolerance says. One rank, some sec
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
 import sys
@@ -445,8 +446,11 @@ def table(found: list[Row]) -> list[list[str]]:
 
 def main(arguments: Sequence[str] = ()) -> int:
     """Print the table; 1 if a number is not within its tolerance."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--write", action="store_true", help=f"write {TABLE.name}")
+    writing = parser.parse_args(arguments).write
     found = rows()
-    if "--write" in arguments:
+    if writing:
         with TABLE.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows(table(found))
     for line in table(found):

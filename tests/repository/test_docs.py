@@ -14,11 +14,13 @@ import json
 import os
 import pkgutil
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
@@ -381,14 +383,6 @@ def test_links(page):
             assert anchor in anchors(file), target
 
 
-def test_evidence():
-    """The index lists every table, with the date of its recording."""
-    with (DOCS / "evidence" / "index.csv").open(encoding="utf-8") as text:
-        listed = {row["file"]: row["recorded"] for row in csv.DictReader(text)}
-    assert {path.stem for path in (DOCS / "evidence").glob("*.csv")} == {*listed, "index"}
-    assert all(listed.values())
-
-
 def test_contributing():
     """What it names is there: files, and targets of make."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -501,6 +495,41 @@ def table(pages, *words):
         t for page in pages for t in tables_of(page) if {t.heading, *t.header} >= set(words)
     )
     return found.rows
+
+
+def claims():
+    """The rows of the page on verification that have a command, as (first cell, command)."""
+    tables = [t for t in tables_of(DOCS / "verification.md") if "command" in t.header]
+    found = [dict(zip(t.header, row, strict=True)) for t in tables for row in t.rows]
+    return [(row["what"], row["command"]) for row in found]
+
+
+def test_evidence():
+    """Each table of numbers is a claim's, with a command that makes it again."""
+    linked = {name for what, _ in claims() for name in re.findall(r"\(evidence/([\w.]+)\)", what)}
+    assert linked == {path.name for path in (DOCS / "evidence").iterdir()}
+
+
+@pytest.mark.parametrize("command", sorted(set(re.findall(r"`(.+?)`", str(claims())))))
+def test_commands_of_claims(command, monkeypatch, capsys):
+    """They are there and begin: programs print their usage, tests and targets of make are found."""
+    words = command.split()
+    if words[0] == "make":
+        assert f"\n{words[1]}:" in (ROOT / "Makefile").read_text(encoding="utf-8")
+        return
+    assert words.pop(0) == "python3"
+    module = words[1] if words[0] == "-m" else None
+    if module == "pytest":
+        assert (ROOT / words[-1]).is_file()
+        return
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "path", [str((ROOT / words[0]).parent), *sys.path])
+    monkeypatch.setattr(sys, "argv", ["program", "--help"])
+    run = partial(runpy.run_module, module) if module else partial(runpy.run_path, words[0])
+    with pytest.raises(SystemExit) as end:
+        run(run_name="__main__")
+    assert end.value.code == 0
+    assert "usage: " in capsys.readouterr().out
 
 
 MODELS = {

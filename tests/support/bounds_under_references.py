@@ -7,6 +7,7 @@ says against the bounds of the energy and of the contact force; then a table of 
 ``docs/evidence/bounds_under_references.csv``.
 """
 
+import argparse
 import csv
 import sys
 import time
@@ -236,7 +237,8 @@ def main(count, first, kinds):
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    main(
-        int(given[0]) if given else 15, int(given[1]) if given[1:] else 0, given[2:] or list(KINDS)
-    )
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("count", type=int, nargs="?", default=15)
+    parser.add_argument("first", type=int, nargs="?", default=0)
+    parser.add_argument("kinds", nargs="*", default=list(KINDS))
+    main(**vars(parser.parse_args()))
