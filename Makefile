@@ -24,7 +24,7 @@ demo:       ## solve Example 1 of the paper with Tresca and with Coulomb frictio
 	for d in $(DEMOS); do ./env mpirun -n 2 python3 -m signorini_fx solve demos/scenes/$$d.toml --out results/$$d || exit; done
 
 test:       ## run the quick tests on one rank, side by side, and those marked mpi also on two
-	$(SIDE_BY_SIDE) tests
+	$(SIDE_BY_SIDE)
 	n=2; $(ON_RANKS) -m "mpi and not slow"
 
 golden:     ## compare the answers of hundreds of problems with those recorded, on one rank (tests/golden)
@@ -40,7 +40,7 @@ test-sid:   ## run the quick tests in the image of Debian sid
 	DEBIAN=sid $(MAKE) test
 
 test-slow:  ## run the slow tests on one rank, side by side
-	$(SIDE_BY_SIDE) -m "slow" tests
+	$(SIDE_BY_SIDE) -m "slow"
 
 test-two:   ## run the slow tests marked mpi on two ranks
 	n=2; $(ON_RANKS) -m "mpi and slow"
@@ -49,10 +49,10 @@ test-three: ## run all tests marked mpi on three ranks
 	n=3; $(ON_RANKS) -m "mpi"
 
 test-core:  ## run the quick tests with no add-on installed; those that ask for one are skipped
-	SFX_WITHOUT_ADD_ONS=1 $(SIDE_BY_SIDE) tests
+	SFX_WITHOUT_ADD_ONS=1 $(SIDE_BY_SIDE)
 
 test-wheel: ## run the quick tests of one rank with wheels of FEniCSx from PyPI, in a virtual environment
-	SFX_WHEELS=1 $(SIDE_BY_SIDE) tests
+	SFX_WHEELS=1 $(SIDE_BY_SIDE)
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \

@@ -1,9 +1,9 @@
-"""The command: ``python3 -m benchmarks.contactbench``."""
+"""The command: ``python3 -m contactbench``, or with the name of the folder above it."""
 
 from __future__ import annotations
 
 import sys
 
-from benchmarks.contactbench.command import main
+from .command import main
 
 sys.exit(main())

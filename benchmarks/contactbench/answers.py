@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.contactbench.grids import Grid
-from benchmarks.contactbench.problem import ON_BOUNDARY, Problem, Quantity
+from .grids import Grid
+from .problem import ON_BOUNDARY, Problem, Quantity
 
 Floats = npt.NDArray[np.float64]
 
@@ -52,6 +52,7 @@ class Answer:
         seconds: CPU time from the mesh in memory, or the deck, to the solution.
         energy: the strain energy; None: the program does not give it.
         note: what else there is to say, such as a penalty.
+        earlier: answers at the times before the last one, by time.
     """
 
     displacement: Floats
@@ -60,6 +61,17 @@ class Answer:
     seconds: float
     energy: float | None = None
     note: str = ""
+    earlier: dict[float, Answer] = field(default_factory=dict)
+
+
+def refuse_histories(problem: Problem) -> None:
+    """Say that an adapter has one load step and small deformations, where a problem has more.
+
+    Raises:
+        CannotRun: it has.
+    """
+    if problem.dynamic or problem.finite or len(problem.times) > 1:
+        raise CannotRun("this adapter has one load step, small deformations and no inertia")
 
 
 def measured(problem: Problem, grid: Grid, answer: Answer) -> dict[str, float]:
@@ -71,6 +83,7 @@ def measured(problem: Problem, grid: Grid, answer: Answer) -> dict[str, float]:
 
 
 def _measure(problem: Problem, grid: Grid, answer: Answer, quantity: Quantity) -> float:
+    answer = answer.earlier.get(quantity.time, answer)
     if quantity.measure == "strain energy":
         assert answer.energy is not None
         return answer.energy
@@ -92,4 +105,7 @@ def _measure(problem: Problem, grid: Grid, answer: Answer, quantity: Quantity) -
         case "pressure mean square":
             return float(contact.normal @ along**2 / contact.normal.sum())
     distance = np.linalg.norm(contact.points - at, axis=1)
-    return float(contact.pressure[distance.argmin()])
+    nearest = distance.argmin()
+    if quantity.measure == "shear at":
+        return float(contact.friction[nearest, quantity.axis] / contact.weights[nearest])
+    return float(contact.pressure[nearest])

@@ -8,13 +8,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.contactbench.adapters import ADAPTERS, adapter
-from benchmarks.contactbench.answers import Answer, CannotRun, measured
-from benchmarks.contactbench.expressions import ExpressionError
-from benchmarks.contactbench.grids import Grid, make_grid
-from benchmarks.contactbench.judging import Result, ResultError, judge, read_results, without_value
-from benchmarks.contactbench.mesh_files import inp_lines, write_msh
-from benchmarks.contactbench.problem import Problem, ProblemError, problem_names, read_problem
+from .adapters import ADAPTERS, adapter
+from .answers import Answer, CannotRun, measured
+from .expressions import ExpressionError
+from .grids import Grid, make_grid
+from .judging import Result, ResultError, judge, read_results, without_value
+from .mesh_files import inp_lines, write_msh
+from .problem import Problem, ProblemError, problem_names, read_problem
 
 # What a row says instead of yes or no, and how much of an error.
 SKIPPED, FAILED, LONGEST = "skipped", "failed", 120

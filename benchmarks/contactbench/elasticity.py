@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.contactbench.grids import Grid
-from benchmarks.contactbench.problem import Problem
+from .grids import Grid
+from .problem import Problem
 
 Floats = npt.NDArray[np.float64]
 # Points of Gauss on a facet: loads of the problems are singular at worst like 1/sqrt(r) off the
@@ -19,10 +19,12 @@ def coordinates(points: Floats) -> dict[str, Floats]:
     return {name: points[..., k] for k, name in enumerate("xyz"[: points.shape[-1]])}
 
 
-def values_at(problem: Problem, formula: str | float, points: Floats) -> Floats:
-    """A formula at points, shape (...)."""
+def values_at(
+    problem: Problem, formula: str | float, points: Floats, time: float | None = None
+) -> Floats:
+    """A formula at points, shape (...), at a time or the last one."""
     return np.broadcast_to(
-        np.asarray(problem.at(formula, coordinates(points)), dtype=float), points.shape[:-1]
+        np.asarray(problem.at(formula, coordinates(points), time), dtype=float), points.shape[:-1]
     )
 
 
@@ -58,20 +60,22 @@ def nodal_weights(problem: Problem, grid: Grid, boundary: str) -> Floats:
     return found
 
 
-def nodal_loads(problem: Problem, grid: Grid) -> Floats:
-    """Forces at the nodes that do the work of all tractions, shape (nodes, d)."""
+def nodal_loads(problem: Problem, grid: Grid, time: float | None = None) -> Floats:
+    """Forces at the nodes that do the work of all tractions at a time, shape (nodes, d)."""
     found = np.zeros_like(grid.points)
     for traction in problem.tractions:
         at, shape, weight = _on_facets(
             grid, traction.boundary, problem.hypothesis == "axisymmetric"
         )
         for k, formula in traction.components.items():
-            force = (weight * values_at(problem, formula, at)) @ shape
+            force = (weight * values_at(problem, formula, at, time)) @ shape
             np.add.at(found[:, k], grid.facets[traction.boundary], force)
     return found
 
 
-def prescribed(problem: Problem, grid: Grid) -> dict[tuple[int, int], float]:
+def prescribed(
+    problem: Problem, grid: Grid, time: float | None = None
+) -> dict[tuple[int, int], float]:
     """Prescribed displacements by node and component; where two meet the later one counts."""
     found = {}
     for support in problem.supports:
@@ -80,7 +84,7 @@ def prescribed(problem: Problem, grid: Grid) -> dict[tuple[int, int], float]:
         else:
             nodes = grid.nodes(support.boundary)
         for k, formula in support.components.items():
-            values = values_at(problem, formula, grid.points[nodes])
+            values = values_at(problem, formula, grid.points[nodes], time)
             found |= {
                 (int(node), k): float(value) for node, value in zip(nodes, values, strict=True)
             }

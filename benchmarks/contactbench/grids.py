@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.contactbench.problem import SHAPES, SIDES, Body, Problem
+from .problem import SHAPES, SIDES, Body, Problem
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -125,7 +125,11 @@ def _lattice(body: Body, times: int) -> tuple[Floats, Ints, list[tuple[str, Ints
 
 def _mapped(body: Body, at: list[Floats]) -> Floats:
     if body.shape != "annulus":
-        return np.stack(at, axis=-1)
+        x, angle = np.stack(at, axis=-1), np.deg2rad(body.turn)
+        if not angle:
+            return x
+        cos, sin = np.cos(angle), np.sin(angle)
+        return np.concatenate([x[..., :2] @ [[cos, sin], [-sin, cos]], x[..., 2:]], axis=-1)
     radius, angle = at[0], np.deg2rad(at[1])
     exact = [np.where(np.abs(f) < 1e-15, 0.0, f) for f in (np.cos(angle), np.sin(angle))]
     return np.stack(

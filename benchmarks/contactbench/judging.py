@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.contactbench.problem import Problem, Quantity
+from .problem import Problem, Quantity
 
 COLUMNS = ("quantity", "value")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.contactbench.grids import Grid
+from .grids import Grid
 
 ABAQUS = {
     ("plane strain", 4): "CPE4",

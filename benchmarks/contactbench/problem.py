@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from benchmarks.contactbench.expressions import COORDINATES, evaluate
+from .expressions import COORDINATES, evaluate, names
 
 FOLDER = Path(__file__).parent / "problems"
 Formula = str | float
@@ -28,6 +28,7 @@ MEASURES = {
     "normal force": set[str](),
     "friction force": {"axis"},
     "pressure at": {"point"},
+    "shear at": {"point", "axis"},
     "largest pressure": set[str](),
     "pressure moment": {"axis"},
     "pressure mean square": {"axis"},
@@ -38,10 +39,11 @@ ON_BOUNDARY = {
     "normal force",
     "friction force",
     "pressure at",
+    "shear at",
     "largest pressure",
     "pressure moment",
+    "pressure mean square",
 }
-ON_BOUNDARY |= {"pressure mean square"}
 REFERENCES = ("exact", "interval", "values")
 
 
@@ -63,6 +65,9 @@ class Body:
     sides: dict[str, list[str]] = field(default_factory=dict)
     centre: tuple[float, float] = (0.0, 0.0)
     straight: bool = False
+    turn: float = 0.0
+    density: float = 0.0
+    velocity: tuple[Formula, ...] = ()
 
     @property
     def mu(self) -> float:
@@ -125,6 +130,7 @@ class Quantity:
     formula: str
     tolerance: float
     scale: float
+    time: float
 
 
 @dataclass(frozen=True)
@@ -145,6 +151,14 @@ class Problem:
     tractions: tuple[Traction, ...]
     contacts: tuple[Contact, ...]
     quantities: tuple[Quantity, ...]
+    times: tuple[float, ...]
+    time_step: float
+    finite: bool
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the bodies have inertia."""
+        return any(body.density for body in self.bodies)
 
     @property
     def dimension(self) -> int:
@@ -160,14 +174,24 @@ class Problem:
         """The value of a formula of constants."""
         return float(evaluate(formula, self.numbers))
 
-    def at(self, formula: Formula, coordinates: Mapping[str, Any]) -> Any:
-        """The value of a formula of positions.
+    def at(
+        self, formula: Formula, coordinates: Mapping[str, Any], time: float | None = None
+    ) -> Any:
+        """The value of a formula of positions and of the time.
 
         Args:
             formula: any formula of the file.
             coordinates: what x, y and z stand for.
+            time: what ``time`` stands for; None: the last one.
         """
-        return evaluate(formula, {**self.fields, **self.numbers, **coordinates})
+        now = self.times[-1] if time is None else time
+        return evaluate(formula, {**self.fields, **self.numbers, "time": now, **coordinates})
+
+    def depends_on(self, formula: Formula, *others: str) -> bool:
+        """Whether a formula, or a field that it names, has one of these names in it."""
+        used = names(formula)
+        fields = [self.fields[name] for name in used if name in self.fields]
+        return not used.isdisjoint(others) or any(self.depends_on(f, *others) for f in fields)
 
     def quantity(self, name: str) -> Quantity:
         """A quantity by its name."""
@@ -208,7 +232,12 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
         ExpressionError: a formula is none.
     """
     hypothesis, constants = data["hypothesis"], data.get("constants", {})
+    times = tuple(map(float, data.get("times", [1.0])))
     coordinates = COORDINATES[: HYPOTHESES[hypothesis]]
+
+    for word in ("time", *coordinates):
+        if word in constants or word in data.get("fields", {}):
+            raise KeyError(f"another name than {word}")
 
     def number(formula: Formula) -> float:
         return float(evaluate(formula, constants))
@@ -228,6 +257,8 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
         }
         material = number(table["young"]), number(table["poisson"])
         more = {key: table[key] for key in ("centre", "straight") if key in table}
+        more |= {key: number(table[key]) for key in ("turn", "density") if key in table}
+        more |= {"velocity": tuple(table["velocity"])} if "velocity" in table else {}
         return Body(table["name"], *material, shape, lines, names, **more)
 
     def contact(table: dict[str, Any]) -> Contact:
@@ -255,6 +286,7 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
             table["formula"] if kind == "exact" else "",
             table["tolerance"],
             table.get("scale", max(map(abs, numbers))),
+            float(table.get("time", times[-1])),
         )
 
     return Problem(
@@ -271,4 +303,7 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
         tuple(Traction(table["boundary"], components(table)) for table in data.get("traction", [])),
         tuple(map(contact, data["contact"])),
         tuple(map(quantity, data["quantity"])),
+        times,
+        number(data.get("time_step", 0.0)),
+        data.get("deformations", "small") == "finite",
     )

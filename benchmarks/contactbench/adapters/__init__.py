@@ -10,9 +10,9 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 
-from benchmarks.contactbench.answers import Answer
-from benchmarks.contactbench.grids import Grid
-from benchmarks.contactbench.problem import Problem
+from ..answers import Answer
+from ..grids import Grid
+from ..problem import Problem
 
 ADAPTERS = {
     "signorini_fx": "signorini",
@@ -28,7 +28,7 @@ def adapter(program: str) -> Callable[[Problem, Grid], Answer]:
     Raises:
         CannotRun: it is not installed.
     """
-    module = importlib.import_module(f"benchmarks.contactbench.adapters.{ADAPTERS[program]}")
+    module = importlib.import_module(f".{ADAPTERS[program]}", __name__)
     module.available()
     solve: Callable[[Problem, Grid], Answer] = module.solve
     return solve

@@ -13,16 +13,17 @@ import resource
 import shutil
 import subprocess
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces
-from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed, values_at
-from benchmarks.contactbench.grids import Grid
-from benchmarks.contactbench.mesh_files import ABAQUS, FACES, field, inp_lines
-from benchmarks.contactbench.problem import Problem
+from ..answers import Answer, CannotRun, ContactForces
+from ..elasticity import nodal_loads, nodal_weights, prescribed, values_at
+from ..grids import Grid
+from ..mesh_files import ABAQUS, FACES, field, inp_lines
+from ..problem import Problem
 
 Floats = npt.NDArray[np.float64]
 # Stiffness of contact per area in units of E over the shortest facet, and that of sticking in units
@@ -48,6 +49,8 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         CannotRun: two bodies, Tresca friction, or an incompressible body.
         RuntimeError: ccx has not solved the deck; the end of what it printed.
     """
+    if problem.dynamic or problem.finite:
+        raise CannotRun("this adapter has small deformations, and no inertia")
     if any(contact.against for contact in problem.contacts) or len(problem.contacts) > 1:
         raise CannotRun("forces between two bodies are not among the nodal results of CalculiX")
     if problem.contacts[0].law == "tresca":
@@ -74,9 +77,24 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         data = folder / "job.dat"
         text = data.read_text(encoding="utf-8") if data.exists() else ""
     tables = _tables(text)
-    if "*ERROR" in done.stdout or "displacements" not in tables or "forces" not in tables:
+    # The step of each time lasts as long as one unit of time.
+    last = [{kind: found.get(step) for kind, found in tables.items()} for step in _steps(problem)]
+    if "*ERROR" in done.stdout or not all(all(found.values()) for found in last):
         said = re.findall(r"\*ERROR.*", done.stdout) or done.stdout.splitlines()[-1:]
         raise RuntimeError("ccx has not solved it: " + " ".join(" ".join(said).split()))
+    *before, answer = [_answer(problem, grid, found, seconds) for found in last]
+    return replace(answer, earlier=dict(zip(problem.times, before, strict=False)))
+
+
+def _steps(problem: Problem) -> range:
+    """Numbers of the load steps, which are the times at their ends."""
+    return range(1, len(problem.times) + 1)
+
+
+def _answer(
+    problem: Problem, grid: Grid, tables: dict[str, dict[int, list[float]]], seconds: float
+) -> Answer:
+    """What the tables of one step say."""
     n, d = len(grid.points), problem.dimension
     u = np.array([tables["displacements"][node + 1][:d] for node in range(n)])
     contact = problem.contacts[0]
@@ -89,13 +107,8 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     friction = force + np.outer(normal, direction)
     weight = nodal_weights(problem, grid, contact.boundary)[own]
     forces = ContactForces(grid.points[own], weight, normal, friction)
-    return Answer(
-        u,
-        {contact.boundary: forces},
-        u.size,
-        seconds,
-        note=f"penalty {_penalty(problem, grid):.3g}",
-    )
+    note = f"penalty {_penalty(problem, grid):.3g}"
+    return Answer(u, {contact.boundary: forces}, u.size, seconds, note=note)
 
 
 def _used() -> float:
@@ -167,17 +180,19 @@ def deck(problem: Problem, grid: Grid) -> list[str]:
         f"S_{contact.boundary.upper()}, S_FLOOR",
     ]
     lines += ["*BOUNDARY", f"GROUND, 1, {d}"]
-    lines += ["*STEP, INC=1000", "*STATIC", "1., 1."]
-    fixed = prescribed(problem, grid).items()
-    supports = [f"{node + 1}, {k + 1}, {k + 1}, {field(value)}" for (node, k), value in fixed]
-    lines += ["*BOUNDARY", *supports] if supports else []
-    loads = nodal_loads(problem, grid)
-    forces = [
-        f"{node + 1}, {k + 1}, {field(loads[node, k])}"
-        for node, k in zip(*(part.tolist() for part in np.nonzero(loads)), strict=True)
-    ]
-    lines += ["*CLOAD", *forces] if forces else []
-    lines += ["*NODE PRINT, NSET=EVERY", "U", "*NODE PRINT, NSET=TOUCHED", "RF", "*END STEP"]
+    for time in problem.times:
+        lines += ["*STEP, INC=1000", "*STATIC", "1., 1."]
+        fixed = prescribed(problem, grid, time).items()
+        supports = [f"{node + 1}, {k + 1}, {k + 1}, {field(value)}" for (node, k), value in fixed]
+        lines += ["*BOUNDARY", *supports] if supports else []
+        loads = nodal_loads(problem, grid, time)
+        forces = [
+            f"{node + 1}, {k + 1}, {field(loads[node, k])}"
+            for node, k in zip(*(part.tolist() for part in np.nonzero(loads)), strict=True)
+        ]
+        lines += ["*CLOAD, OP=NEW" if len(problem.times) > 1 else "*CLOAD"] if forces else []
+        lines += [*forces, "*NODE PRINT, NSET=EVERY", "U", "*NODE PRINT, NSET=TOUCHED", "RF"]
+        lines.append("*END STEP")
     return lines
 
 
@@ -192,14 +207,14 @@ def _element(facet: npt.NDArray[np.int64], below: int, x: Floats) -> npt.NDArray
     return found if np.cross(b - a, c - a) @ (e - a) > 0 else found[[0, 3, 2, 1, 4, 7, 6, 5]]
 
 
-def _tables(text: str) -> dict[str, dict[int, list[float]]]:
-    """The last table of each kind that ccx printed, by node."""
-    found: dict[str, dict[int, list[float]]] = {}
+def _tables(text: str) -> dict[str, dict[float, dict[int, list[float]]]]:
+    """The tables of each kind that ccx printed, by time and node."""
+    found: dict[str, dict[float, dict[int, list[float]]]] = {"displacements": {}, "forces": {}}
     rows: dict[int, list[float]] = {}
     for line in text.splitlines():
-        head = re.match(r" (displacements|forces) ", line)
+        head = re.match(r" (displacements|forces) .* time +(\S+)", line)
         if head:
-            rows = found[head[1]] = {}
+            rows = found[head[1]][float(head[2])] = {}
         elif re.match(r"\s+\d+\s+-?\d\.\d+E", line):
             words = line.split()
             rows[int(words[0])] = [float(word) for word in words[1:]]

@@ -11,7 +11,7 @@ import ufl
 from dolfinx import mesh
 from mpi4py import MPI
 
-from benchmarks.contactbench.grids import Grid
+from ..grids import Grid
 
 _CELLS = {4: "quadrilateral", 8: "hexahedron"}
 # Corners in dolfinx's order.

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces
-from benchmarks.contactbench.elasticity import nodal_weights, prescribed, values_at
-from benchmarks.contactbench.grids import Grid
-from benchmarks.contactbench.problem import Contact, Problem
+from ..answers import Answer, CannotRun, ContactForces, refuse_histories
+from ..elasticity import nodal_weights, prescribed, values_at
+from ..grids import Grid
+from ..problem import Contact, Problem
 
 Floats = npt.NDArray[np.float64]
 _STEPS, _RESIDUAL = 100, 1e-9
@@ -39,6 +39,7 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         CannotRun: Tresca friction, two bodies, plane stress, or an incompressible body.
         RuntimeError: Newton's method does not converge.
     """
+    refuse_histories(problem)
     if any(contact.law == "tresca" for contact in problem.contacts):
         raise CannotRun("the basic contact brick has no Tresca friction")
     if (

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces
-from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed
-from benchmarks.contactbench.grids import Grid
-from benchmarks.contactbench.problem import Problem
+from ..answers import Answer, CannotRun, ContactForces, refuse_histories
+from ..elasticity import nodal_loads, nodal_weights, prescribed
+from ..grids import Grid
+from ..problem import Problem
 
 # The last penalty in units of E over the shortest facet in contact, and the first one in those of
 # the last.
@@ -39,6 +39,7 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         CannotRun: two bodies, or an incompressible one.
         RuntimeError: Newton's method does not converge.
     """
+    refuse_histories(problem)
     if any(contact.against for contact in problem.contacts):
         raise CannotRun("plain dolfinx has no contact between two bodies")
     if any(body.poisson == 0.5 for body in problem.bodies):
@@ -74,7 +75,7 @@ class _Newton:
         from dolfinx import fem
         from dolfinx.fem import petsc
 
-        from benchmarks.contactbench.adapters.dolfinx_mesh import make_mesh, tag_facets
+        from .dolfinx_mesh import make_mesh, tag_facets
 
         self.problem, self.grid, self.d = problem, grid, problem.dimension
         mesh, self.nodes = make_mesh(grid)
@@ -159,7 +160,7 @@ class _Newton:
         self.last = PENALTY * body.young / shortest
 
     def _by_node(self, formula: Any) -> Any:
-        from benchmarks.contactbench.elasticity import values_at
+        from ..elasticity import values_at
 
         return values_at(self.problem, formula, self.grid.points[self.nodes])
 

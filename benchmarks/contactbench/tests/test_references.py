@@ -8,13 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.contactbench.elasticity import nodal_loads, prescribed
-from benchmarks.contactbench.expressions import ExpressionError
-from benchmarks.contactbench.grids import make_grid
-from benchmarks.contactbench.problem import problem_names, read_problem
+from ..elasticity import nodal_loads, prescribed
+from ..expressions import ExpressionError
+from ..grids import make_grid
+from ..problem import problem_names, read_problem
 
 NAMES = problem_names()
 FAR = 1e-9  # off the surface, where a formula is 0 / 0 on it
+CLOSE = {"cattaneo-loop": 2e-4}  # where slip ends the shear has a vertical slope
 FURTHER = {"sphere": 1e-5, "two-spheres": 1e-5}  # where it would be lost in round-off
 
 
@@ -50,6 +51,8 @@ FIELDS = {
     "flat-punch": (0.0, "a"),
     "cattaneo-incompressible": ("-a", "a"),
     "cattaneo-mindlin": ("-a", "a"),
+    "cattaneo-loop": ("-a", "a"),
+    "nafems-cylinder": ("-a", "a"),
     "sphere": (0.0, "a"),
     "two-spheres": (0.0, "a"),
     "cone": (0.0, "a"),
@@ -57,21 +60,21 @@ FIELDS = {
 }
 
 
-def stress(problem, component, x, y):
-    """A component at points of the plane, in 3D at y = 0."""
+def stress(problem, component, x, y, time=None):
+    """A component at points of the plane, in 3D at y = 0, at a time or the last one."""
     at = {"x": x, "y": y} if problem.dimension == 2 else {"x": x, "y": 0 * x, "z": y}
     if problem.dimension == 3:
         component = component.replace("y", "z")
-    return problem.at(component, at)
+    return problem.at(component, at, time)
 
 
-def pressure_and_shear(problem):
-    """Functions of x on the surface."""
+def pressure_and_shear(problem, time=None):
+    """Functions of x on the surface, at a time or the last one."""
     near = FURTHER.get(problem.name, FAR) * float(np.ptp(make_grid(problem).points[:, 0]))
 
     def at(component, x):
         return np.asarray(
-            stress(problem, component, np.asarray(x, dtype=float), np.full(np.shape(x), near))
+            stress(problem, component, np.asarray(x, dtype=float), np.full(np.shape(x), near), time)
         )
 
     return lambda x: -at("s_yy", x), lambda x: -at("s_xy", x)
@@ -83,33 +86,40 @@ def test_forces_of_fields(name):
     tractions have.
     """
     problem = read_problem(name)
-    pressure, shear = pressure_and_shear(problem)
     low, high = (problem.number(end) for end in FIELDS[name])
     depth = problem.numbers.get("depth", 1.0) if problem.dimension == 3 else 1.0
 
     def area(x):
         return depth * (2 * np.pi * x if problem.hypothesis == "axisymmetric" else 1.0)
 
-    total = gauss(low, high, lambda x: pressure(x) * area(x))
-    every = 0
-    for quantity in problem.quantities:
-        if quantity.measure == "normal force":
-            found = total
-        elif quantity.measure == "friction force":
-            found = gauss(low, high, lambda x: shear(x) * area(x))
-        elif quantity.measure == "pressure moment":
-            found = gauss(low, high, lambda x: x * pressure(x) * area(x))
-        elif quantity.measure == "pressure mean square":
-            found = gauss(low, high, lambda x: x**2 * pressure(x) * area(x)) / total
-        elif quantity.measure == "pressure at":
-            found = pressure(problem.number(quantity.point[0]))
-        elif quantity.measure == "largest pressure":
-            found = pressure(np.linspace(low, high, 2001) + FAR).max()
-        else:
-            continue
-        every += 1
-        assert found == pytest.approx(quantity.numbers[0], rel=5e-5), quantity.name
-    assert every >= 2
+    def value(quantity):
+        pressure, shear = pressure_and_shear(problem, quantity.time)
+        at = problem.number(quantity.point[0]) if quantity.point else 0.0
+
+        def integral(function, power=0):
+            return gauss(low, high, lambda x: x**power * function(x) * area(x))
+
+        match quantity.measure:
+            case "normal force":
+                return integral(pressure)
+            case "friction force":
+                return integral(shear)
+            case "pressure moment":
+                return integral(pressure, 1)
+            case "pressure mean square":
+                return integral(pressure, 2) / integral(pressure)
+            case "pressure at":
+                return pressure(at)
+            case "shear at":
+                return shear(at)
+            case "largest pressure":
+                return pressure(np.linspace(low, high, 2001) + FAR).max()
+
+    values = [(quantity, value(quantity)) for quantity in problem.quantities]
+    known = [(quantity, found) for quantity, found in values if found is not None]
+    for quantity, found in known:
+        assert found == pytest.approx(quantity.numbers[0], rel=CLOSE.get(name, 5e-5)), quantity.name
+    assert len(known) >= 2
 
 
 @pytest.mark.parametrize("name", FIELDS)
@@ -326,11 +336,15 @@ def test_loads_are_balanced():
     every = 0
     for name in NAMES:
         problem = read_problem(name)
+        if problem.dynamic:
+            continue
         grid = make_grid(problem, 2 if problem.dimension == 2 else 0)
         d, contact = problem.dimension, problem.contacts[0]
+        if any(body.turn for body in problem.bodies):
+            continue  # test_a_wedge_on_its_slope
         at_points = {k for s in problem.supports for k in s.components if s.at}
         held = {k for _, k in prescribed(problem, grid)} - at_points
-        loads = nodal_loads(problem, grid)
+        below = set()
         if contact.against:
             below = {
                 n
@@ -338,7 +352,6 @@ def test_loads_are_balanced():
                 for n in grid.cells[grid.body == k].ravel()
                 if b == "lower"
             }
-            loads[sorted(below)] = 0.0
             held -= {d - 1}
         for quantity in problem.quantities:
             if quantity.measure == "normal force" and contact.direction != ():
@@ -353,6 +366,8 @@ def test_loads_are_balanced():
                 problem.hypothesis == "axisymmetric" and axis == 0
             )  # the hoop stress has a share
             if axis not in held and not around and quantity.kind == "exact":
+                loads = nodal_loads(problem, grid, quantity.time)
+                loads[sorted(below)] = 0.0
                 balance = quantity.numbers[0] + loads[:, axis].sum()
                 assert balance == pytest.approx(0.0, abs=1e-5 * abs(quantity.numbers[0])), (
                     name,
@@ -360,6 +375,16 @@ def test_loads_are_balanced():
                 )
                 every += 1
     assert every >= 25
+
+
+def test_a_wedge_on_its_slope():
+    """Pressure and friction together carry the load."""
+    problem = read_problem("nafems-sliding-wedge")
+    angle = np.deg2rad(problem.bodies[0].turn)
+    normal, along = (problem.quantity(name).numbers[0] for name in ("force", "friction"))
+    up = normal * np.cos(angle) + along / np.cos(angle) * np.sin(angle)
+    assert up == pytest.approx(-nodal_loads(problem, make_grid(problem))[:, 1].sum(), rel=1e-12)
+    assert along == pytest.approx(-0.3 * normal * np.cos(angle), rel=1e-12)
 
 
 def test_formulas_of_numbers():
