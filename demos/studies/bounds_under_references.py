@@ -1,6 +1,6 @@
 """Random scenes with guaranteed bounds, under solutions on finer meshes.
 
-    ./env python3 tests/support/bounds_under_references.py [COUNT] [FIRST] [KIND ...]
+    ./env python3 demos/studies/bounds_under_references.py [COUNT] [FIRST] [KIND ...]
 
 prints of so many scenes of each kind the bound over the true error, and what the finer solution
 says against the bounds of the energy and of the contact force; then a table of kinds,
@@ -14,18 +14,17 @@ import time
 from pathlib import Path
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
-
-sys.path.append(str(Path(__file__).resolve().parents[2]))
-
-from scenes import alone
+from dolfinx import fem
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "support"))
+from scenes import alone
 
 # Dimension and number of bodies by kind.
 KINDS = {

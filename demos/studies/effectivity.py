@@ -1,6 +1,6 @@
 """How good the estimates of the convergence table are: estimated over true error, mesh by mesh.
 
-    ./env python3 tests/support/effectivity.py --out docs/evidence/effectivity.csv
+    ./env python3 demos/studies/effectivity.py --out docs/evidence/effectivity.csv
 
 The scenes of the demos on uniform meshes, and Example 1 on the meshes that an asked-for accuracy
 takes, are measured against references of much higher accuracy; how far these may be wrong
@@ -13,17 +13,15 @@ reference's own.
 from __future__ import annotations
 
 import argparse
+import sys
 import tomllib
 from functools import cache
 from pathlib import Path
 
-import manufactured
 import numpy as np
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
-from reference import Reference, divided, reference_errors, reference_solution
+from dolfinx import fem
 
 from signorini_fx.machine.result_files import write_csv
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
@@ -35,6 +33,11 @@ from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "support"))
+import manufactured
+from on_meshes import vector_space
+from reference import Reference, divided, reference_errors, reference_solution
 
 # Sizes of the cells, relative to those of the scene.
 MESHES = (8, 4, 2, 1, 0.5)
