@@ -408,6 +408,14 @@ def test_hooks_are_the_commands_of_ci():
     assert hooks
 
 
+def test_workflows():
+    """Actions are named by their commits, and a release by the version of the package."""
+    texts = {path.stem: path.read_text() for path in (ROOT / ".github/workflows").glob("*.yml")}
+    uses = re.findall(r"uses: (\S+)", "".join(texts.values()))
+    assert all(re.fullmatch(r"[\w/-]+@[0-9a-f]{40}", name) for name in uses)
+    assert "__version__" in texts["release"]
+
+
 def test_one_version():
     """The package's, and nowhere another one."""
     version = signorini_fx.__version__
