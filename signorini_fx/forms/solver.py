@@ -46,7 +46,6 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
 )
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
-from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.statement import Statement
@@ -221,7 +220,7 @@ class BodyOfForms:
             at_rest = foundations.at_rest(*solved.prescribed)
             boundary = foundations.boundary(shapes, fixed, at_rest)
         data, law = foundations.problem(
-            boundary, foundations.data(shapes), Settings.of(self.settings), solved.scales
+            boundary, foundations.data(shapes), Settings.of(self.settings), solved.elastic.scales
         )
         return self.supports()[1][: fixed.size], boundary, data.gap, law
 
@@ -233,10 +232,6 @@ class FormSolver(BodyOfForms):
     elastic: Model
     task: Task
     begun: Start  # where the last solve began
-    rigid: RigidBodies
-    driven: Driven  # what drives them
-    unshifted: RegularisedData  # displacements counted from the initial position
-    law: PointFriction | None  # of friction at the contact points, as it is now
     prescribed: tuple[
         Flags, Array
     ]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
@@ -268,11 +263,6 @@ class FormSolver(BodyOfForms):
         self.last: State | None = (
             None  # the last solution of the step that begins there, or of the one before
         )
-
-    @property
-    def scales(self) -> Scales:
-        """Return the scales of the body."""
-        return self.elastic.scales
 
     @property
     def status(self) -> Status | None:
@@ -319,13 +309,14 @@ class FormSolver(BodyOfForms):
         if any(effect.overrides("body") for effect in self.effects):
             self._timed = dt, state
         with self.timings.phase("assemble"):
-            data, law = self.update()
-            if (resting := self.task.rest) is not None:
-                data = resting.data_from(data)
+            self.update()
             placed = self.foundations.placed
             drift = self.foundations.moved(self.boundary, state.placed)
-            body = self.model(self.path)
-            return Posed(body, self.rigid, self.task, first_start(data, law), placed, drift)
+            body = replace(self.elastic, path=self.path)
+            assert body.data is not None
+            resting = self.task.rest
+            data = body.data if resting is None else resting.data_from(body.data)
+            return Posed(body, body.rigid, self.task, first_start(data, body.law), placed, drift)
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
@@ -345,18 +336,19 @@ class FormSolver(BodyOfForms):
         if self.status is Status.CONVERGED:
             self.last = new
 
-    def update(self) -> tuple[RegularisedData, PointFriction | None]:
+    def update(self) -> None:
         """Assemble what has changed since the last solve, and evaluate gap and friction;
         collective.
         """
         space = self.space
+        foundations = self.foundations
         if self.mesh_has_moved:
             self._renew_mesh()
         self.prescribed = self.supports()
-        shapes = self.foundations.shapes()
-        self.rigid = self.foundations.rigid_bodies
-        self.driven = self.rigid.driven()
-        now = self._inputs(shapes)
+        shapes = foundations.shapes()
+        rigid = foundations.rigid_bodies
+        driven = rigid.driven()
+        now = self._inputs(shapes, rigid, driven)
         last = self._inputs_before
         self._inputs_before = None  # until all that follows has gone well
         changed = {
@@ -366,24 +358,37 @@ class FormSolver(BodyOfForms):
         if changed["form"]:
             forms = self.forms
             self._natural = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
-        if changed["form"] or changed["body"] or changed["points"]:
-            data = self._set_up(shapes, renewed=changed["form"] or changed["body"])
+        renewed = changed["form"] or changed["body"]
+        anew = renewed or changed["points"]
+        if anew:
+            self._set_up(shapes, renewed=renewed)
+        elif changed["loads"]:
+            self.task.system.set_case(0, self._case(driven))
+        settings = Settings.of(self.settings)
+        scales = self.elastic.scales
+        data, law = foundations.problem(self.boundary, foundations.data(shapes), settings, scales)
+        pairs = foundations.pairs
+        self.elastic = replace(self.elastic, data=data, law=law, pairs=pairs, rigid=rigid)
+        if anew:
+            self.task = self.elastic.task(
+                [self._case(driven)],
+                np.ones(1),
+                data,
+                law,
+                coarser=self.coarser,
+                history=self.history,
+            )
             self.outcome = None  # its iterate is that of another system
-        else:
-            if changed["loads"]:
-                self.task.system.set_case(0, self._case(self.prescribed[1]))
-            data = self._point_data(shapes)
         self._inputs_before = now
-        return data
 
-    def _inputs(self, shapes: Sequence[ShapeDistances]) -> dict[str, list[bytes]]:
+    def _inputs(
+        self, shapes: Sequence[ShapeDistances], rigid: RigidBodies, driven: Driven
+    ) -> dict[str, list[bytes]]:
         """All values of now that something is assembled from: the form and the rest of the
         stiffness, the contact points, and the loads; collective.
         """
         a, L = self.forms.compiled
         fixed, values = self.prescribed
-        rigid = self.rigid
-        driven = self.driven
         axes = [shape.axes for shape in shapes if shape.axes is not None]
         of_points: list[Any] = [self.foundations.at_rest(fixed, values)]
         of_points += [value for shape in shapes for value in (shape.factor, shape.direction)]
@@ -411,39 +416,25 @@ class FormSolver(BodyOfForms):
         forget_positions(self.space)
         forget_pieces(self.space.mesh)
 
-    def _set_up(
-        self, shapes: Sequence[ShapeDistances], *, renewed: bool
-    ) -> tuple[RegularisedData, PointFriction | None]:
-        """Contact points, stiffness, unless only points are ``renewed``, and linear algebra, and
-        the data of the points; collective.
-        """
-        space = self.space
+    def _set_up(self, shapes: Sequence[ShapeDistances], *, renewed: bool) -> None:
+        """Contact points and stiffness, unless only points are ``renewed``; collective."""
         fixed, values = self.prescribed
-        free_unused(space.mesh)
+        free_unused(self.space.mesh)
         boundary = self.boundary = self.contact_points(shapes, fixed, values)
-        if renewed:
-            self.elastic = self._body(fixed[: self.owned], boundary)
-        else:
-            points = boundary if self.contact else None
-            eliminated = self.task.system.eliminated
-            self.elastic = replace(self.elastic, boundary=points, eliminated=eliminated)
-        self.elastic = with_modulus(self.elastic, boundary, self._natural, self.foundations.facets)
-        case = self._case(values)
-        data = self._point_data(shapes)
-        self.task = self.elastic.task(
-            [case], np.ones(1), *data, coarser=self.coarser, history=self.history
-        )
-        return data
-
-    def _case(self, values: Array) -> LoadCase:
-        """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,);
-        collective.
-        """
-        forces = assemble(self.forms.compiled[1])
-        return case_of(self.elastic, forces, values, self.driven, values)
-
-    def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:
         points = boundary if self.contact else None
+        if renewed:
+            elastic = self._body(fixed[: self.owned], points)
+        else:
+            eliminated = self.task.system.eliminated
+            elastic = replace(self.elastic, boundary=points, eliminated=eliminated)
+        self.elastic = with_modulus(elastic, boundary, self._natural, self.foundations.facets)
+
+    def _case(self, driven: Driven) -> LoadCase:
+        """The right-hand side; ``driven``: what drives rigid bodies; collective."""
+        values = self.prescribed[1]
+        return case_of(self.elastic, assemble(self.forms.compiled[1]), values, driven, values)
+
+    def _body(self, fixed: Flags, points: ContactBoundary | None) -> Model:
         stated = body = elastic_body(
             self.space,
             self.forms.compiled[0],
@@ -460,29 +451,11 @@ class FormSolver(BodyOfForms):
                 body = effect.body(body, state, dt)
         return stated if body is stated else replace(body, of_body={}, of_contact={})
 
-    def _point_data(
-        self, shapes: Sequence[ShapeDistances]
-    ) -> tuple[RegularisedData, PointFriction | None]:
-        """Gap, friction and regularisation at the contact points, as they are now; collective."""
-        data = self.foundations.data(shapes)
-        settings = Settings.of(self.settings)
-        problem = self.foundations.problem(self.boundary, data, settings, self.scales)
-        self.unshifted, self.law = problem
-        return problem
-
     def model(self, path: LoadPath | None = None, title: str = "") -> Model:
         """The body as the forms are now; without a path its load steps are those of the user's own
-        loop; collective.
+        loop.
         """
-        return replace(
-            self.elastic,
-            title=title,
-            path=path or counted_path(self.begun.step),
-            law=self.law,
-            pairs=self.foundations.pairs,
-            rigid=self.rigid,
-            data=self.unshifted,
-        )
+        return replace(self.elastic, title=title, path=path or counted_path(self.begun.step))
 
     def mechanics(self, model: Model) -> FormMechanics:
         """What the forms say of a model, with their values of now."""

@@ -64,7 +64,6 @@ from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerF
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
-from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.shapes.analytic import Plane
 from signorini_fx.mechanics.state import ContactValues, State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS, RigidBody
@@ -385,11 +384,6 @@ class Linearised:
     def elastic(self) -> Model:
         """The body with this tangent."""
         return self.posed.body
-
-    @property
-    def scales(self) -> Scales:
-        """Return the scales of the body."""
-        return self.elastic.scales
 
     @property
     def task(self) -> Task:

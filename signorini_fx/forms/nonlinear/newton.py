@@ -494,7 +494,7 @@ def least_increment(solved: Solved) -> float:
     """Increments that may be round-off of the body, its places, or loose bodies, length;
     collective.
     """
-    scales = solved.linear.scales
+    scales = solved.linear.elastic.scales
     bounds = np.abs(solved.linear.elastic.pieces.bounds)
     places = UNITS_OF_PLACES * float(np.finfo(float).eps * bounds.max())
     loose = scales.coordinate_error / NO_FORCE if solved.loose else 0.0

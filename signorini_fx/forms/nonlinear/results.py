@@ -108,7 +108,7 @@ def certified(
     foundations = body.foundations
     u = body.at
     space = body.space
-    scales = linear.scales
+    scales = linear.elastic.scales
     fixed, values = linear.prescribed
     boundary = solved.state.boundary
     forces = residual.reshape(-1, space.mesh.geometry.dim)
@@ -178,7 +178,7 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
         data[number] = replace(data[number], gap=foundations.given_gap(number))
     boundary = foundations.points([entry.shape for entry in data], *linear.prescribed)
     settings = Settings.of(body.settings)
-    regularised, law = foundations.problem(boundary, data, settings, linear.scales)
+    regularised, law = foundations.problem(boundary, data, settings, linear.elastic.scales)
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
@@ -248,7 +248,7 @@ class SolvedBody(Report):
             displacement=y,
             contact=solved.state if body.contact else None,
             certificate=certificate,
-            deformation=deformation_of(elastic, u, linear.scales.size, moves=body.moves),
+            deformation=deformation_of(elastic, u, linear.elastic.scales.size, moves=body.moves),
             strain_energy=certificate.strain_energy,
             linear_solves=solves,
             rigid_bodies=body.foundations.rigid_bodies.motions,

@@ -135,7 +135,7 @@ class Stability:
         (n, d, d).
         """
         state = solved.state
-        springs = turning_of(state, solved.linear.scales.size)
+        springs = turning_of(state, solved.linear.elastic.scales.size)
         components = np.arange(springs.shape[1])
         sticks = np.tile(self.body.sticks(state), (components.size - 1, 1)).T
         held = np.column_stack((state.in_contact, sticks))
