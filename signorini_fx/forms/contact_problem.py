@@ -12,7 +12,6 @@ from dolfinx import fem
 from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
 
-from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.given_forms import given_forms
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
     from signorini_fx.results.stresses import RawStresses
+    from signorini_fx.solving.step import Report
 
 
 class ProblemOfForms:
@@ -404,9 +404,8 @@ class ContactProblem(ProblemOfForms):
         self.shear = fields.shear
         self.gap = fields.gap
         self.slip = fields.slip
-        self._stresses: tuple[Outcome | None, RawStresses] | None = (
-            None  # of the last solution that was asked for them
-        )
+        # Of the last solution that was asked for them.
+        self._stresses: tuple[Report | None, RawStresses] | None = None
         self._ran: Ran | None = None  # the last ``run``, until the next solve
 
     def initial(self) -> State:
@@ -446,8 +445,8 @@ class ContactProblem(ProblemOfForms):
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
         """Return the motions of the rigid bodies in the last solution."""
-        result = self.assembled.result
-        return () if result is None else result.rigid_bodies
+        report = self.assembled.report
+        return () if report is None else report.result.rigid_bodies
 
     @property
     def stress(self) -> RawStresses:
@@ -461,9 +460,9 @@ class ContactProblem(ProblemOfForms):
         return self._stress_of(lambda: self.solution)
 
     def _stress_of(self, solution: Callable[[], Solution]) -> RawStresses:
-        outcome = self.assembled.outcome
-        if self._stresses is None or self._stresses[0] is not outcome:
-            self._stresses = outcome, solution().stress
+        report = self.assembled.report
+        if self.assembled.outdated or self._stresses is None or self._stresses[0] is not report:
+            self._stresses = report, solution().stress
         return self._stresses[1]
 
     def _errors_in_body(
@@ -520,20 +519,14 @@ class ContactProblem(ProblemOfForms):
 
     def _differentiated(self) -> tuple[Any, ...]:
         solver = self.assembled
-        if solver.outcome is None:
+        report = solver.report
+        if solver.outdated or report is None:
             raise RuntimeError("there is no solution to differentiate")
         solver.refuse_moving(UNDERIVED)
         for number, contact in enumerate(solver.contact):
             for part in contact.parts:
                 reason = f"derivatives are not possible yet with {part.key}: leave it out"
                 raise FormError.at(f"contact[{number}].{part.key}", reason)
-        solved = (
-            solver.elastic,
-            solver.task,
-            solver.outcome,
-            solver.begun,
-            self.state,
-            self.u,
-            solver.begun.law,
-        )
-        return solver.model, solved, solver.data_now
+        start = report.start
+        of_task = solver.elastic, solver.task, report.outcome, start
+        return lambda: solver.elastic, (*of_task, self.state, self.u, start.law), solver.data_now

@@ -97,7 +97,8 @@ class MeshedForms(meshed_problem.MeshedProblem):
         solver.coarser_state = state
         unsolved = solve_now(solver)
         errors = [self.made.errors] if self.estimable and not unsolved else []
-        solved = self.made.solution, self.tagged, solver.task, solver.outcome
+        assert solver.report is not None
+        solved = self.made.solution, self.tagged, solver.task, solver.report.outcome
         return meshed_problem.SolvedMesh(*solved, step_errors=errors)
 
 

@@ -16,7 +16,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
-from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.algorithms.task import Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -53,7 +53,6 @@ from signorini_fx.mechanics.step_effect import StepEffect, effects_of_contact
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.mechanics import StepResult
 from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
 
@@ -231,7 +230,6 @@ class FormSolver(BodyOfForms):
     boundary: ContactBoundary
     elastic: Model
     task: Task
-    begun: Start  # where the last solve began
     prescribed: tuple[
         Flags, Array
     ]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
@@ -249,10 +247,8 @@ class FormSolver(BodyOfForms):
         super().__init__(forms, bcs, settings, petsc_options, effects, density=density)
         self.u = u
         self.go_through(counted_path(0))
-        self.result: StepResult | None = None  # of a path, or of the user's own loop
-        self.outcome: Outcome | None = (
-            None  # of the last solve, unless another problem has been assembled since
-        )
+        self.report: Report | None = None  # of the last step
+        self.outdated = False  # whether another problem has been assembled since
         self.coarser: MeshLevel | None = None
         self.coarser_state: ContactState | None = None  # of a coarser mesh
         self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
@@ -267,12 +263,12 @@ class FormSolver(BodyOfForms):
     @property
     def status(self) -> Status | None:
         """How the last step has ended; None: there is none."""
-        return None if self.result is None else self.result.status
+        return None if self.report is None else self.report.status
 
     @property
     def certificate(self) -> Certificate | None:
         """The check of its result; None: there is none."""
-        return None if self.result is None else self.result.certificate
+        return None if self.report is None else self.report.result.certificate
 
     @property
     def set_up(self) -> bool:
@@ -320,16 +316,16 @@ class FormSolver(BodyOfForms):
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
-        if self.outcome is None or self.status is not Status.CONVERGED or self.last is None:
+        if self.outdated or self.status is not Status.CONVERGED or self.last is None:
             raise RuntimeError("there is no solution to advance from")
         self.begin = self.last
 
     def show_step(self, new: State, report: Report) -> None:
         """Make the end of a step the one that the user sees; collective."""
-        self.outcome = report.outcome
-        self.begun = report.start
-        result = self.result = report.result
-        points = self.task.contact(report.outcome, self.begun)
+        self.report = report
+        self.outdated = False
+        result = report.result
+        points = self.task.contact(report.outcome, report.start)
         self.show(result.contact or ContactState.of(points, self.boundary))
         result.displacement.name = self.u.name
         self.u.x.array[:] = result.displacement.x.array
@@ -378,7 +374,7 @@ class FormSolver(BodyOfForms):
                 coarser=self.coarser,
                 history=self.history,
             )
-            self.outcome = None  # its iterate is that of another system
+            self.outdated = True
         self._inputs_before = now
 
     def _inputs(
@@ -450,12 +446,6 @@ class FormSolver(BodyOfForms):
             for effect in self.effects:
                 body = effect.body(body, state, dt)
         return stated if body is stated else replace(body, of_body={}, of_contact={})
-
-    def model(self, path: LoadPath | None = None, title: str = "") -> Model:
-        """The body as the forms are now; without a path its load steps are those of the user's own
-        loop.
-        """
-        return replace(self.elastic, title=title, path=path or counted_path(self.begun.step))
 
     def mechanics(self, model: Model) -> FormMechanics:
         """What the forms say of a model, with their values of now."""

@@ -13,7 +13,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.solver import Clock, FormSolver, options_applied
 from signorini_fx.machine.result_files import folder_path
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Status
 from signorini_fx.results.mechanics import StepResult
@@ -61,20 +61,19 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     """The last solution, or iterate, with the values that the forms have now; of a run its load
     steps; collective.
     """
-    if solver.outcome is None or solver.result is None:
+    report = solver.report
+    if solver.outdated or report is None:
         raise RuntimeError("there is no solution so far: call solve()")
-    path = None
-    steps = [solver.result]
-    ended = (solver.outcome, solver.outcome.problem.data)
-    if ran is not None:
-        path, reports = ran
-        steps = [report.result for report in reports]
-        last = last_solved(reports)
-        ended = last.outcome, last.data
+    # Without a run the load steps are those of the user's own loop.
+    path, reports = ran or (counted_path(report.start.step), [report])
+    steps = [report.result for report in reports]
+    last = last_solved(reports)
+    ended = last.outcome, last.data
     # Of a load step that has failed the forms are not those of the results, which are of one before
     # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
-    mechanics = replace(solver.mechanics(solver.model(path, title)), settled=settled)
+    model = replace(solver.elastic, title=title, path=path)
+    mechanics = replace(solver.mechanics(model), settled=settled)
     found = partial(findings_of_steps, mechanics, steps, [])
     solution = contact_solution(mechanics, steps, solver.task, ended, solver.timings, found)
     return replace(solution, state=solver.last)
