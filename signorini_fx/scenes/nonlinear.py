@@ -186,8 +186,8 @@ class ProblemOfScene(NonlinearContactProblem):
             extrapolates=any(one.flows for one in statement.material),
             too_large=self._too_large,
             cures=_cures(statement),
-            trusted=body.tangent is not None,
         )
+        self.linear.trusted = body.tangent is not None
         self.begin_at(-1.0)
         self._first = self._solver.initial()
 
@@ -288,7 +288,7 @@ class ProblemOfScene(NonlinearContactProblem):
             if not load.balanced:  # initial strains are in the residual
                 forces += factor * load.forces
             values += factor * load.prescribed.x.array
-        self._solver.residual.loads = forces
+        self.linear.evaluated.loads = forces
         self.body.move_to(path_step)
         self._held.x.array[:] = values
         self._move(self.statement.contacts_at(path_step))
@@ -302,15 +302,15 @@ class ProblemOfScene(NonlinearContactProblem):
                 number, shape.model_copy(update=carried), dimension, turns=moving.turns
             )
 
-    def reached(self) -> ReachedStep:
+    def reached(self) -> SolvedBody:
         """The load step that has just ended."""
         assert self._solver.solved is not None
-        return ReachedStep(self.path_step, self._solver.solved)
+        return self._solver.solved
 
-    def linearised(self, step: ReachedStep) -> tuple[Any, ...]:
+    def linearised(self, step: SolvedBody) -> tuple[Any, ...]:
         """An earlier load step with its linearised problem, see ``linearised_at``; collective."""
-        self.go_to(step.path_step)
-        self._solver.solved = step.end
+        self.go_to(step.result.place)
+        self._solver.solved = step
         self._solver.show_last(self.u.x.array)
         return linearised_at(self._solver, self.linear)
 
@@ -358,14 +358,6 @@ class ProblemOfScene(NonlinearContactProblem):
             moving = self.shapes.get(number)
             if moving is not None and not moving.shape.driven and entry is not given:
                 moving.shape = entry.foundation
-
-
-@dataclass(frozen=True)
-class ReachedStep:
-    """A load step of a scene."""
-
-    path_step: float  # its place in the lists of factors
-    end: SolvedBody
 
 
 @dataclass(frozen=True, kw_only=True)

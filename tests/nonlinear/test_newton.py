@@ -90,7 +90,7 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     problem = NonlinearContactProblem(F, u, **options)
     problem.solve()
     free = space.tabulate_dof_coordinates()[:, 1] > 0.5
-    forces = fem.assemble_vector(problem._solver.residual.form).array.reshape(-1, 2)
+    forces = fem.assemble_vector(problem.linear.evaluated.form).array.reshape(-1, 2)
     assert np.abs(forces[free]).max() < 1e-9 * np.abs(forces[~free]).max()
     u.x.array[:] = 0.0
     short = NonlinearContactProblem(F, u, max_newton=problem.iterations - 1, **options)

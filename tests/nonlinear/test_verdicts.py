@@ -13,6 +13,7 @@ from support.nonlinear_bodies import LAME, MU, PLATE, held, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
+from signorini_fx.forms.nonlinear.verdicts import stable
 
 HIGH = PLATE | {"point": (0.0, 8.0)}
 
@@ -156,4 +157,4 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
     )
     without = "signorini_fx.forms.nonlinear.verdicts.turning_of"
     monkeypatch.setattr(without, lambda state, size: np.zeros((state.boundary.size, 3, 3)))
-    assert problem._solver.stable(problem.linear.solved)[0] is Status.UNSTABLE
+    assert stable(problem.linear.solved)[0] is Status.UNSTABLE

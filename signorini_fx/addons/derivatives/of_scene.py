@@ -23,6 +23,7 @@ from signorini_fx.addons.derivatives.gradient import (
 )
 from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
+from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.mechanics.body.discretisation import (
     contact_of,
     held_at,
@@ -44,7 +45,7 @@ from signorini_fx.records import History, Timings
 from signorini_fx.results.accuracy.adjoint import REFUSES, Explicit
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, build_problem
+from signorini_fx.scenes.nonlinear import ProblemOfScene, build_problem
 from signorini_fx.scenes.reading import PATH, as_scene, way_of
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
@@ -417,7 +418,7 @@ class _NonlinearSteps:
     """The load steps of a scene, and the problem that has solved them."""
 
     problem: ProblemOfScene
-    reached: list[ReachedStep]
+    reached: list[SolvedBody]
     solution: Solution
 
     @classmethod
@@ -426,7 +427,7 @@ class _NonlinearSteps:
     ) -> _NonlinearSteps:
         """Solve a scene; collective."""
         _refuse(statement, REFUSES_IF_NONLINEAR)
-        reached = list[ReachedStep]()
+        reached = list[SolvedBody]()
         problem = build_problem()
         solution = problem.solved(on_step=lambda step: reached.append(problem.reached()))
         if not solution.converged:
@@ -463,7 +464,7 @@ class _NonlinearSteps:
         preceding = self.reached[number - 1] if number else None
         solved = SolvedStep.of(*self.problem.linearised(step))
         solved = replace(solved, displacement=solved.displacement.copy())
-        return _LinearisedStep(self.problem, step.path_step, solved, preceding)
+        return _LinearisedStep(self.problem, step.result.place, solved, preceding)
 
 
 @dataclass(frozen=True)
@@ -475,7 +476,7 @@ class _LinearisedStep:
     problem: ProblemOfScene
     path_step: float
     solved: SolvedStep
-    preceding: ReachedStep | None
+    preceding: SolvedBody | None
 
     @cached_property
     def usual(self) -> ChangedStep:
@@ -490,12 +491,12 @@ class _LinearisedStep:
         if self.preceding is None:
             return None
         displacement = self.solved.displacement.copy()
-        end = self.preceding.end.result
+        end = self.preceding.result
         state = end.contact
         displacement.x.array[:] = end.displacement.x.array
         assert state is not None
         body = self.solved.body
-        supported = held_at(self.problem.model, self.preceding.path_step)
+        supported = held_at(self.problem.model, self.preceding.result.place)
         if supported is not self.problem.model:  # other unknowns are prescribed
             body = replace(body, fixed=supported.fixed, of_contact={})
         return replace(self.solved, body=body, displacement=displacement, state=state)
@@ -536,7 +537,7 @@ class _ChangedScene:
         """The load step before with that number; collective."""
         assert step.preceding is not None
         assert step.earlier is not None
-        values = self.values(step.preceding.path_step)
+        values = self.values(step.preceding.result.place)
         return replace(step.usual, prescribed=values, boundary=step.earlier.state.boundary)
 
     def at(self, step: _LinearisedStep) -> ChangedStep:
@@ -555,7 +556,7 @@ class _ChangedScene:
                 usual, prescribed=values, forces=problem.forces_anew(problem.statement, y)
             )
         touching = self._touching
-        touching.begin_at(-1.0 if step.preceding is None else step.preceding.path_step)
+        touching.begin_at(-1.0 if step.preceding is None else step.preceding.result.place)
         touching.go_to(step.path_step)
         touching.u.x.array[:] = y.x.array
         begun = (
@@ -565,7 +566,7 @@ class _ChangedScene:
         )
         if self._model is not None and step.earlier is not None and step.preceding is not None:
             fixed = step.earlier.body.fixed
-            begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
+            begun[: fixed.size][fixed] = self.values(step.preceding.result.place)[fixed]
         *_, boundary, gap, law, drift = touching.linear.data_now(
             problem.linear, replace(touching.linear.begin, displacement=begun)
         )

@@ -478,6 +478,10 @@ class NonlinearBody(BodyOfForms):
         self.names: Mapping[str, Indices] = forms.boundaries
         self.bodies: tuple[str, ...] = ()  # see ``BodyPieces``
         self.evaluated = evaluated
+        self.tangents = tangents
+        # Whether a given tangent is known to be the derivative, and is not tried: near a yield
+        # stress no difference tells.
+        self.trusted = False
         self.several = False  # see ``Start``
         self.drives: Sequence[Drive] = ()  # of rigid bodies in this step, without effects
         self.now: Linearised | None = None  # the last problem that was assembled

@@ -17,20 +17,21 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from dolfinx import fem
 
 from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.crossing import behind, crossing
 from signorini_fx.forms.nonlinear.linearised import Iterate, NonlinearBody, Solved
-from signorini_fx.forms.nonlinear.residual import Remembers, Tangents, round_off
+from signorini_fx.forms.nonlinear.residual import Remembers, round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import (
-    Stability,
     corner_inside,
+    leads,
     overlap,
     overlap_of_bodies,
+    reason_for_none,
+    stable,
 )
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
@@ -91,11 +92,12 @@ class Verdict:
 
 
 @dataclass
-class EquilibriumSolver(Stability):
+class EquilibriumSolver:
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they
     are.
     """
 
+    body: NonlinearBody
     commit: Callable[[], object] | None  # the user's function at the end of a step
     remembers: Remembers | None  # what the material keeps of earlier steps
     max_newton: int
@@ -121,11 +123,6 @@ class EquilibriumSolver(Stability):
     farthest: float = 0.0
     _since: State = field(init=False)  # the last solution before an attempt, or what there was
 
-    @property
-    def u(self) -> fem.Function:
-        """The displacement."""
-        return self.residual.u
-
     def begin_path(self) -> None:
         """Forget how long solves took, and a first step that had no solution."""
         self.timings = Timings()
@@ -139,19 +136,20 @@ class EquilibriumSolver(Stability):
         Returns why there is none, and what to do, with all but ``status`` as the last solution was;
         "": there is one; collective.
         """
-        begin = self.u.x.array.copy()
-        last = self._since = self.body.last or self._beginning(begin)
+        body = self.body
+        begin = body.at.x.array.copy()
+        last = self._since = body.last or self._beginning(begin)
         self.status = None
-        solves = len(self.body.history.iterations)
-        search = partial(newton, self.body, self.tangents, self.judge, self.max_newton)
+        solves = len(body.history.iterations)
+        search = partial(newton, body, self.judge, self.max_newton)
         try:
             verdict = self._ended("iterate", search)
             status = verdict.status
             if status is Status.CONVERGED and self._hidden(verdict.certificate):
                 verdict = replace(verdict, status=Status.NO_DIGIT)
             elif status is Status.CONVERGED and self.asks_stability:
-                assert self.body.solved is not None
-                status, place = self.stable(self.body.solved)
+                assert body.solved is not None
+                status, place = stable(body.solved)
                 verdict = replace(verdict, status=status, detail=place)
             elif (
                 final
@@ -160,14 +158,14 @@ class EquilibriumSolver(Stability):
                 # The last iterate of a contact problem without sets is no equilibrium.
                 and not verdict.detail
             ):
-                without = self.reason_for_none(last.displacement, verdict.tried)
+                without = reason_for_none(body, last.displacement, verdict.tried)
                 verdict = replace(verdict, without=without)
         except Exception:
             self.show_last(begin)
             raise
         self.verdict = verdict
         status = self.status = verdict.status
-        self.linear_solves = len(self.body.history.iterations) - solves
+        self.linear_solves = len(body.history.iterations) - solves
         if status is Status.CONVERGED:
             return ""
         reason = verdict.without or verdict.detail
@@ -187,7 +185,7 @@ class EquilibriumSolver(Stability):
         if status is Status.INVERTED and verdict.without:  # beyond any displacement of the body
             self.failure = verdict.without
         if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
-            passed = self.passed | behind(self.body, last)
+            passed = self.passed | behind(body, last)
             self.failure += "".join(f"; {text}" for text in passed.values())
         self.show_last(begin)
         return f"{self.failure}: {self.advice(status)}"
@@ -204,8 +202,8 @@ class EquilibriumSolver(Stability):
         found; collective.
         """
         self._since = self.body.begin
-        values = self.u.x.array.copy()
-        self.verdict = self._ended("certify", lambda: self.judge(self.residual.at(values)))
+        values = self.body.at.x.array.copy()
+        self.verdict = self._ended("certify", lambda: self.judge(self.body.evaluated.at(values)))
         return self.verdict.status
 
     def _ended(self, phase: str, solve: Callable[[], Verdict]) -> Verdict:
@@ -240,7 +238,7 @@ class EquilibriumSolver(Stability):
         many linear solves; collective.
         """
         with suppress(FormError, MatrixError, PairingError):
-            if (residual := self.residual.at(self.u.x.array.copy())) is None:
+            if (residual := self.body.evaluated.at(self.body.at.x.array.copy())) is None:
                 return None
             solved = self.body.leave_open(status)
             return SolvedBody.of(solved, *certified(residual, solved), solves, 0, status)
@@ -324,7 +322,7 @@ class EquilibriumSolver(Stability):
         flows is soft there, but at the state it has its elastic tangent.
         """
         if self.extrapolates and (rate := state.fields.get("rate")) is not None:
-            self.u.x.array[:] = state.displacement + rate.values * (time - state.time)
+            self.body.at.x.array[:] = state.displacement + rate.values * (time - state.time)
 
     def show_last(self, begin: Array) -> None:
         """Make the last solution what the user sees, or before the first one the values of ``u``
@@ -338,9 +336,9 @@ class EquilibriumSolver(Stability):
         body.solved = None if solved is None else solved.solved
         body.show(None if body.solved is None else body.solved.state)
         body.foundations.carry_to((body.last or body.begin).rigid)
-        self.u.x.array[:] = begin if solved is None else solved.result.displacement.x.array
+        body.at.x.array[:] = begin if solved is None else solved.result.displacement.x.array
         with suppress(FormError):  # before the first solution it may not be possible
-            self.residual.updated()
+            body.evaluated.updated()
 
     @property
     def certificate(self) -> Certificate | None:
@@ -359,7 +357,7 @@ class EquilibriumSolver(Stability):
         if inner is Status.OPEN and solved.loose:
             return Verdict(inner, "nothing presses on the body, and the supports do not hold it")
         if inner in OF_LINEAR_BODIES:
-            if not self.leads(self.u.x.array.copy()):
+            if not leads(self.body, self.body.at.x.array.copy()):
                 return Verdict(Status.NOT_SOLVED)
             without = f"the tangent does not hold it: {inner.value}"
             return Verdict(Status.NOT_SOLVED, without=without, cause=inner)
@@ -384,7 +382,7 @@ class EquilibriumSolver(Stability):
         body = self.body
         foundations = body.foundations
         last = self._since
-        if self.residual.turns_over(last.displacement):
+        if self.body.evaluated.turns_over(last.displacement):
             return Verdict(Status.INVERTED, "some turn over within the step")
         solved = body.solved
         assert solved is not None
@@ -403,7 +401,7 @@ class EquilibriumSolver(Stability):
         for number, pair in foundations.sliding.items():
             if body.contact[number].bilateral and (reached := pair.parted):
                 return Verdict(Status.AT_END, reached)
-        lost = round_off(self.residual, residual)
+        lost = round_off(body.evaluated, residual)
         certificate, mechanics = certified(residual, solved, lost)
         status = Status.CONVERGED if certificate.holds else Status.NOT_CERTIFIED
         return Verdict(status, "", certificate, mechanics)
@@ -411,7 +409,6 @@ class EquilibriumSolver(Stability):
 
 def newton(
     body: NonlinearBody,
-    tangents: Tangents,
     judge: Callable[[Array | None], Verdict],
     max_newton: int,
 ) -> Verdict:
@@ -426,6 +423,7 @@ def newton(
     foundations = body.foundations
     u = body.at
     evaluated = body.evaluated
+    tangents = body.tangents
     verdict = Verdict(Status.NOT_SOLVED)
     worst = np.inf
     last_change = np.inf

@@ -45,6 +45,7 @@ from signorini_fx.forms.nonlinear.results import (
     traction_left,
 )
 from signorini_fx.forms.nonlinear.steps import NonlinearSteps, solve_path
+from signorini_fx.forms.nonlinear.verdicts import leads
 from signorini_fx.forms.solver import LASTS, UNDERIVED, Clock
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -297,7 +298,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.slip = fields.slip
         remembers = None if kept is None else KeptFunctions(kept)
         actions = commit, remembers, max_newton, stability and not self.linear.moves
-        self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
+        self._solver = self._ended = EquilibriumSolver(self.linear, *actions)
         further = "; or raise max_newton, or give the derivative of F as J"
         self._solver.cures = {Status.NOT_SOLVED: f"{Status.NOT_SOLVED.advice}{further}"}
         # The load steps of the last ``run`` with a solution, until the next solve.
@@ -551,7 +552,7 @@ def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, 
     """The last solution with its linearised problem, which is assembled there, see
     ``SolvedStep.of``; collective.
     """
-    residual = solver.residual
+    residual = body.evaluated
     for number, entry in enumerate(body.contact):
         if entry.against is not None and not entry.bonded:
             raise FormError.at(
@@ -563,13 +564,13 @@ def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, 
             "not kept"
         )
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
-    values = solver.u.x.array.copy()
+    values = body.at.x.array.copy()
     residual.go_to(values)
-    if not solver.leads(values):
+    if not leads(body, values):
         unseen = (
             "is needed: the derivative of F by UFL does not contain the changes that update makes"
         )
         wrong = "is not the derivative of F at the solution: leave it out, or mend it"
-        raise FormError.at("J", wrong if solver.tangents.given else unseen)
+        raise FormError.at("J", wrong if body.tangents.given else unseen)
     assert solver.solved is not None
     return body.derivative_at(solver.solved.solved)

@@ -84,7 +84,7 @@ class NonlinearSteps:
         """
         solver = self.solver
         way = self.way
-        kept = solver.body.begin, solver.u.x.array.copy()
+        kept = solver.body.begin, solver.body.at.x.array.copy()
         solves = self.history.linear_solves
         final = way is None or not way.may_halve
         error: FormError | None = None
@@ -122,7 +122,7 @@ class NonlinearSteps:
         body.several = self.path.several
         body.foundations.dt = time - state.time
         self.go_to(place)
-        self.solver.residual.begin(state, body.foundations.dt)
+        body.evaluated.begin(state, body.foundations.dt)
         rigid = body.foundations.rigid_bodies
         body.drives = rigid.drives()
         for effect in self.effects:
@@ -165,7 +165,7 @@ class NonlinearSteps:
             return None
         status = Status.NOT_CERTIFIED
         with suppress(FormError, MatrixError, PairingError):
-            if solver.residual.at(end.displacement.copy()) is not None:
+            if body.evaluated.at(end.displacement.copy()) is not None:
                 body.foundations.carry_to(end.rigid)
                 linear = body.as_it_is()
                 if (whole := read(body.space, linear.boundary)) is None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
@@ -23,7 +22,7 @@ from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.linearised import Bent, MovingFoundations, NonlinearBody, Solved
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
-from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
+from signorini_fx.forms.nonlinear.residual import is_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -37,160 +36,151 @@ from signorini_fx.records import Status
 from signorini_fx.tuned import HOLDING_STIFFNESS, MOST_PLACES, NEGLIGIBLE, NO_FORCE, SHAPE_INSIDE
 
 
-@dataclass
-class Stability:
-    """What the inertia of the tangent of the last iteration of Newton's method says of a
-    displacement.
+def stable(solved: Solved) -> tuple[Status, str]:
+    """Whether an equilibrium is stable, by the derivative of F, and where instability begins,
+    in words; collective.
     """
+    if _holds(solved):
+        return Status.CONVERGED, ""
+    if (found := _inertia(solved)) is None:
+        return Status.STABILITY_UNKNOWN, ""
+    negative, place = found
+    if not negative:
+        return Status.CONVERGED, ""
+    if (
+        not solved.linear.iterate.symmetric
+    ):  # without an energy a symmetric part that is not definite proves nothing
+        return Status.STABILITY_UNKNOWN, ""
+    return Status.UNSTABLE, f"it begins at {place}"
 
-    body: NonlinearBody
-    residual: Residual
-    tangents: Tangents
-    # Whether a given tangent is known to be the derivative, and is not tried: near a yield stress
-    # no difference tells.
-    trusted: bool = field(default=False, kw_only=True)
 
-    def stable(self, solved: Solved) -> tuple[Status, str]:
-        """Whether an equilibrium is stable, by the derivative of F, and where instability begins,
-        in words; collective.
-        """
-        if self._holds(solved):
-            return Status.CONVERGED, ""
-        if (found := self._inertia(solved)) is None:
-            return Status.STABILITY_UNKNOWN, ""
-        negative, place = found
-        if not negative:
-            return Status.CONVERGED, ""
-        if (
-            not solved.linear.iterate.symmetric
-        ):  # without an energy a symmetric part that is not definite proves nothing
-            return Status.STABILITY_UNKNOWN, ""
-        return Status.UNSTABLE, f"it begins at {place}"
+def _holds(solved: Solved) -> bool:
+    """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
+    collective.
+    """
+    system = solved.linear.task.system
+    condensed = isinstance(system, CondensedSystem) and system.schur.regular
+    if not condensed or not leads(solved.body, solved.body.at.x.array.copy()):
+        return False
+    tangent = ContactTangent(system.matrix, system.contact)
+    matrix = tangent.create()
+    tangent.insert(matrix, _springs(solved) / system.contact.points.weight[:, None, None])
+    return system.is_definite(matrix)
 
-    def _holds(self, solved: Solved) -> bool:
-        """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
-        collective.
-        """
-        system = solved.linear.task.system
-        condensed = isinstance(system, CondensedSystem) and system.schur.regular
-        if not condensed or not self.leads(self.residual.u.x.array.copy()):
-            return False
-        tangent = ContactTangent(system.matrix, system.contact)
-        matrix = tangent.create()
-        tangent.insert(matrix, self._springs(solved) / system.contact.points.weight[:, None, None])
-        return system.is_definite(matrix)
 
-    def _inertia(self, solved: Solved) -> tuple[int, str] | None:
-        """Negative directions of the derivative of F: how many, and where one is largest; None:
-        unknown; collective.
-        """
-        elastic = solved.linear.elastic
-        mesh = elastic.space.mesh
-        if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
-            return None
-        values = self.residual.u.x.array.copy()
-        leads = self.leads(values)
-        tangent = self.tangents.leading if leads else self.tangents.derivative
-        if not leads and not is_derivative(tangent, self.residual, values, ~elastic.fixed):
-            return None
-        return self._negative(tangent, solved, self.body.bend())
+def _inertia(solved: Solved) -> tuple[int, str] | None:
+    """Negative directions of the derivative of F: how many, and where one is largest; None:
+    unknown; collective.
+    """
+    elastic = solved.linear.elastic
+    mesh = elastic.space.mesh
+    if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
+        return None
+    body = solved.body
+    values = body.at.x.array.copy()
+    derives = leads(body, values)
+    tangent = body.tangents.leading if derives else body.tangents.derivative
+    if not derives and not is_derivative(tangent, body.evaluated, values, ~elastic.fixed):
+        return None
+    return _negative(tangent, solved, body.bend())
 
-    def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
-        """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values
-        of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
-        way is possible; collective.
-        """
-        if self.body.now is None:  # there was no tangent
-            return ""
-        u = self.residual.u
-        comm = u.function_space.mesh.comm
-        farthest = u.x.array if tried is None else tried
-        away, so_far = (
-            parallel.largest(comm, np.abs(values)) for values in (farthest - before, before)
-        )
-        if not away <= max(self.body.named[1].size, so_far):
-            return "the displacement runs away" if self.leads(before) else ""
-        with suppress(FormError):
-            known = self.residual.at(u.x.array.copy()) is not None
-            solved = self.body.solved
-            known = known and solved is not None and solved.linear is self.body.now
-            found = self._inertia(solved) if known and solved is not None else None
-            if found is not None and found[0]:
-                return f"the tangent has lost its stiffness, first at {found[1]}"
+
+def reason_for_none(body: NonlinearBody, before: Array, tried: Array | None = None) -> str:
+    """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values
+    of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
+    way is possible; collective.
+    """
+    if body.now is None:  # there was no tangent
         return ""
+    u = body.at
+    comm = u.function_space.mesh.comm
+    farthest = u.x.array if tried is None else tried
+    away, so_far = (
+        parallel.largest(comm, np.abs(values)) for values in (farthest - before, before)
+    )
+    if not away <= max(body.named[1].size, so_far):
+        return "the displacement runs away" if leads(body, before) else ""
+    with suppress(FormError):
+        known = body.evaluated.at(u.x.array.copy()) is not None
+        solved = body.solved
+        known = known and solved is not None and solved.linear is body.now
+        found = _inertia(solved) if known and solved is not None else None
+        if found is not None and found[0]:
+            return f"the tangent has lost its stiffness, first at {found[1]}"
+    return ""
 
-    def leads(self, values: Array) -> bool:
-        """Whether the tangent is the derivative of F at values of ``u``: others may lead away;
-        collective.  That of UFL does not see what a function of the user changes.
-        """
-        tangents = self.tangents
-        residual = self.residual
-        known = self.trusted or not (tangents.given or residual.update is not None)
-        return known or is_derivative(
-            tangents.leading, residual, values, ~self.body.supports()[0][: self.body.owned]
-        )
 
-    def _springs(self, solved: Solved) -> Array:
-        """What keeps points in contact and in place, whatever the units, force per length, shape
-        (n, d, d).
-        """
-        state = solved.state
-        springs = turning_of(state, solved.linear.elastic.scales.size)
-        components = np.arange(springs.shape[1])
-        sticks = np.tile(self.body.sticks(state), (components.size - 1, 1)).T
-        held = np.column_stack((state.in_contact, sticks))
-        largest = HOLDING_STIFFNESS * largest_stiffness(solved.linear.elastic)
-        springs[:, components, components] += largest * held
-        return springs
+def leads(body: NonlinearBody, values: Array) -> bool:
+    """Whether the tangent is the derivative of F at values of ``u``: others may lead away;
+    collective.  That of UFL does not see what a function of the user changes.
+    """
+    tangents = body.tangents
+    residual = body.evaluated
+    known = body.trusted or not (tangents.given or residual.update is not None)
+    return known or is_derivative(
+        tangents.leading, residual, values, ~body.supports()[0][: body.owned]
+    )
 
-    def _negative(self, tangent: fem.Form, solved: Solved, bent: Bent) -> tuple[int, str]:
-        """``negative_directions`` with ``_springs``; collective."""
-        space = self.body.space
-        elastic = solved.linear.elastic
-        fixed = elastic.fixed
-        body = self.body.body_of(
-            tangent,
-            solved.state.boundary,
-            bent,
-            fixed=fixed,
-            settings=self.body.settings.model_copy(update={"linear_algebra": "full"}),
-            definite=False,
-            symmetric=False,
-            of_body=elastic.of_supports,
+
+def _springs(solved: Solved) -> Array:
+    """What keeps points in contact and in place, whatever the units, force per length, shape
+    (n, d, d).
+    """
+    state = solved.state
+    springs = turning_of(state, solved.linear.elastic.scales.size)
+    components = np.arange(springs.shape[1])
+    sticks = np.tile(solved.body.sticks(state), (components.size - 1, 1)).T
+    held = np.column_stack((state.in_contact, sticks))
+    largest = HOLDING_STIFFNESS * largest_stiffness(solved.linear.elastic)
+    springs[:, components, components] += largest * held
+    return springs
+
+
+def _negative(tangent: fem.Form, solved: Solved, bent: Bent) -> tuple[int, str]:
+    """``negative_directions`` with ``_springs``; collective."""
+    nonlinear = solved.body
+    space = nonlinear.space
+    elastic = solved.linear.elastic
+    fixed = elastic.fixed
+    body = nonlinear.body_of(
+        tangent,
+        solved.state.boundary,
+        bent,
+        fixed=fixed,
+        settings=nonlinear.settings.model_copy(update={"linear_algebra": "full"}),
+        definite=False,
+        symmetric=False,
+        of_body=elastic.of_supports,
+    )
+    matrix = body.stiffness
+    rows = body.contact.operator
+    if nonlinear.contact:
+        springs = _springs(solved)
+        acts = np.flatnonzero(springs.any(axis=(1, 2)))
+        dim = space.mesh.geometry.dim
+        kept = (dim * acts[:, None] + np.arange(dim)).ravel() + rows.getOwnershipRange()[0]
+        rows = rows.createSubMatrix(
+            PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm)
         )
-        matrix = body.stiffness
-        rows = body.contact.operator
-        if self.body.contact:
-            springs = self._springs(solved)
-            acts = np.flatnonzero(springs.any(axis=(1, 2)))
-            dim = space.mesh.geometry.dim
-            kept = (dim * acts[:, None] + np.arange(dim)).ravel() + rows.getOwnershipRange()[0]
-            rows = rows.createSubMatrix(
-                PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm)
-            )
-            added = rows.transposeMatMult(block_diagonal(rows, springs[acts]).matMult(rows))
-            held_rows = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
-            added.zeroRowsColumns(held_rows.astype(PETSc.IntType), diag=0.0)
-            matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        if not solved.linear.iterate.symmetric:
-            matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
-            matrix.scale(0.5)
-        if (
-            solved.loose
-        ):  # bodies may move without resistance, so that a small stiffness must hold them
-            matrix.shift(NO_FORCE * largest_stiffness(elastic))
-        negative, direction = negative_directions(matrix)
-        sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
-        rows = np.column_stack(
-            (sizes, node_positions(space)[: sizes.size, : space.mesh.geometry.dim])
+        added = rows.transposeMatMult(block_diagonal(rows, springs[acts]).matMult(rows))
+        held_rows = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
+        added.zeroRowsColumns(held_rows.astype(PETSc.IntType), diag=0.0)
+        matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    if not solved.linear.iterate.symmetric:
+        matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
+        matrix.scale(0.5)
+    if solved.loose:  # bodies may move without resistance, so that a small stiffness must hold them
+        matrix.shift(NO_FORCE * largest_stiffness(elastic))
+    negative, direction = negative_directions(matrix)
+    sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
+    rows = np.column_stack((sizes, node_positions(space)[: sizes.size, : space.mesh.geometry.dim]))
+    farthest = max(
+        map(
+            tuple,
+            parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]]),
         )
-        farthest = max(
-            map(
-                tuple,
-                parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]]),
-            )
-        )
-        return negative, f"({', '.join(f'{x:.4g}' for x in farthest[1:])})"
+    )
+    return negative, f"({', '.join(f'{x:.4g}' for x in farthest[1:])})"
 
 
 def largest_stiffness(elastic: Model) -> float:
