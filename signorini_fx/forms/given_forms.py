@@ -100,23 +100,6 @@ def given_forms(
     return forms, solution
 
 
-def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:
-    """A foundation or a pair as a scene lists it."""
-    described: dict[str, Any] = {
-        "boundary": name,
-        "friction": entry.friction or NoFriction(),
-        "kind": entry.kind,
-        "gap": float(entry.gap) if isinstance(entry.gap, int | float) else entry.gap,
-    }
-    if isinstance(entry, Pair):
-        described |= {"against": against, "distance": entry.distance, "adjust": entry.adjust}
-    else:
-        shape = entry.shape if isinstance(entry.shape, BaseModel) else None
-        described |= {"direction": entry.direction, "foundation": shape}
-    described |= {part.key: part for part in entry.parts}
-    return Contact.model_construct(**described)
-
-
 def named_parts(
     forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()
 ) -> tuple[Statement, TaggedMesh]:
@@ -138,10 +121,22 @@ def named_parts(
     opposite = {k: name(part, f"other side of contact {k}") for k, part in forms.masters.items()}
     parts = {**forms.boundaries, **dict(zip(names, forms.facets, strict=True))}
     parts |= {name: forms.masters[k] for k, name in opposite.items()}
-    entries = zip(forms.contact, names, strict=True)
-    contact = [
-        contact_entry(entry, name, opposite.get(k)) for k, (entry, name) in enumerate(entries)
-    ]
+    contact = list[Contact]()
+    for k, (entry, part) in enumerate(zip(forms.contact, names, strict=True)):
+        described: dict[str, Any] = {
+            "boundary": part,
+            "friction": entry.friction or NoFriction(),
+            "kind": entry.kind,
+            "gap": float(entry.gap) if isinstance(entry.gap, int | float) else entry.gap,
+        }
+        if isinstance(entry, Pair):
+            described |= {"distance": entry.distance, "adjust": entry.adjust}
+            described["against"] = opposite[k]
+        else:
+            shape = entry.shape if isinstance(entry.shape, BaseModel) else None
+            described |= {"direction": entry.direction, "foundation": shape}
+        described |= {part.key: part for part in entry.parts}
+        contact.append(Contact.model_construct(**described))
     listed = [
         "a",
         "L",

@@ -312,7 +312,7 @@ class FormSolver(BodyOfForms):
             assert body.data is not None
             resting = self.task.rest
             data = body.data if resting is None else resting.data_from(body.data)
-            return Posed(body, body.rigid, self.task, first_start(data, body.law), placed, drift)
+            return Posed(body, self.task, first_start(data, body.law), placed, drift)
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""

@@ -21,7 +21,6 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.model import Loads, Model
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.state import ContactValues, Field, State, at_cells
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.records import Status
@@ -37,7 +36,6 @@ class Posed:
 
     Attributes:
         body: with the contact points of this step.
-        rigid: the rigid bodies whose motion is unknown.
         task: the contact problem.
         first: where the step starts with nothing of a step before: gap, friction, and gammas of the
             settings.
@@ -55,7 +53,6 @@ class Posed:
     """
 
     body: Model
-    rigid: RigidBodies
     task: Task
     first: Start
     placed: tuple[Placement | None, ...]
@@ -166,7 +163,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
         regularisation_error=state.error,
     )
     displacement = _displacement(posed, state)
-    rigid = posed.rigid.moved(state.rigid) if posed.rigid.bodies else ()
+    rigid = body.rigid.moved(state.rigid) if body.rigid.bodies else ()
     return start, PreviousStep(
         displacement, Tractions(values.pressure, shear), elastic, posed.drift, rigid
     )
@@ -179,7 +176,7 @@ def _unknowns(posed: Posed, state: State) -> PETSc.Vec:
     unknowns = body.unknowns(_displacement(posed, state))
     if rest is not None:
         unknowns.axpy(-1.0, body.vector(body.displacement_of(rest)))
-    if posed.rigid.bodies:
+    if body.rigid.bodies:
         body.begin_driven(unknowns, state.rigid, rest)
     return unknowns
 

@@ -427,9 +427,7 @@ class StatedProblem:
             )
         drift = moved_since(stepped, state.placed)
         spin = _spin(stepped)
-        return Posed(
-            stepped, stepped.rigid, self.task, first, placements(stepped.contacts), drift, spin
-        )
+        return Posed(stepped, self.task, first, placements(stepped.contacts), drift, spin)
 
     def _with_effects(self, body: Model, state: State, dt: float) -> Model:
         """The body of a step: what is assembled of it is kept for two durations."""

@@ -432,7 +432,7 @@ class Solved:
         """
         linear = self.linear
         elastic = linear.elastic
-        rigid = linear.posed.rigid
+        rigid = elastic.rigid
         work = 0.0
         if rigid.bodies:
             moved = self.rigid - self.body.foundations.coordinates
@@ -669,8 +669,7 @@ class NonlinearBody(BodyOfForms):
         task = elastic.task([case], np.ones(1), *problem, history=self.history)
         drift = foundations.motion_at(boundary, self.begin)
         posed = Posed(
-            elastic,
-            rigid,
+            replace(elastic, rigid=rigid),
             replace(task, rest=None),
             first_start(*problem),
             foundations.placed,

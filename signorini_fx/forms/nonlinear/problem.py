@@ -20,7 +20,6 @@ from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.elasticity import exterior_facets
 from signorini_fx.forms.given_forms import (
     foundations_of,
-    named_parts,
     space_of,
     supported,
 )
@@ -329,19 +328,8 @@ class NonlinearContactProblem(ProblemOfForms):
                 return "there is no estimate of the error of an earlier solve"
             return self._errors_now(strain=strain)
 
-        statement, tagged = named_parts(solved.forms, linear.elastic.settings, ("F",))
-        model = replace(
-            linear.elastic,
-            contacts=statement.contact,
-            title=title,
-            path=path,
-            tagged=tagged,
-            law=solved.start.law,
-            rigid=solved.posed.rigid,
-        )
-        mechanics = replace(
-            solved.mechanics, model=model, statement=statement, ends=ends, errors_now=errors
-        )
+        model = replace(solved.mechanics.model, title=title, path=path)
+        mechanics = replace(solved.mechanics, model=model, ends=ends, errors_now=errors)
         ended = (solved.outcome, solved.data)
         found = self.findings
         solution = contact_solution(

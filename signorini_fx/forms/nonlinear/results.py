@@ -21,7 +21,6 @@ from dolfinx import mesh as dmesh
 from signorini_fx.algebra import Settings
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
-from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.nonlinear.linearised import Linearised, NonlinearBody, Solved
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -192,13 +191,10 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
 
 @dataclass(frozen=True)
 class SolvedBody(Report):
-    """A nonlinear body at the end of a load step; ``solved``: the last iteration; ``forms``: with
-    the foundations where they are.
-    """
+    """A nonlinear body at the end of a load step; ``solved``: the last iteration."""
 
     mechanics: NonlinearMechanics
     solved: Solved
-    forms: GivenForms
     iterations: int = 0
 
     @property
@@ -229,12 +225,11 @@ class SolvedBody(Report):
         elastic = linear.elastic
         body.show(solved.state)
         shapes = body.foundations.moving
-        given: Any = body.contact
-        placed = [
-            replace(entry, shape=shapes[k].as_given) if k in shapes else entry
-            for k, entry in enumerate(given)
-        ]
-        forms = replace(body.forms, contact=tuple(placed))
+        statement, _ = body.named
+        contacts = tuple(
+            named.model_copy(update={"foundation": shapes[k].as_given}) if k in shapes else named
+            for k, named in enumerate(statement.contact)
+        )
         number = linear.start.step
         u = body.at
         y = u.copy()
@@ -253,11 +248,12 @@ class SolvedBody(Report):
             linear_solves=solves,
             rigid_bodies=body.foundations.rigid_bodies.motions,
         )
-        mechanics = NonlinearMechanics(elastic, body.named[0], [(step, end)], forms.boundaries)
+        statement = statement.changed(contact=contacts)
+        pairs: Any = {**body.foundations.pairs, **body.foundations.sliding}
+        named = replace(elastic, contacts=contacts, law=linear.start.law, pairs=pairs)
+        mechanics = NonlinearMechanics(named, statement, [(step, end)], body.forms.boundaries)
         forces = np.zeros(elastic.fixed.size) + body.evaluated.loads
         loads = Loads(forces, linear.prescribed[1], body.drives)
-        pairs: Any = {**body.foundations.pairs, **body.foundations.sliding}
-        named = replace(elastic, law=linear.start.law, pairs=pairs, rigid=linear.posed.rigid)
         if (given := body.model_of_scene) is not None:
             named = replace(
                 named,
@@ -269,7 +265,7 @@ class SolvedBody(Report):
         posed = replace(linear.posed, body=named, loads=loads)
         outcome = solved.outcome
         ended = (posed, linear.start, outcome, outcome.problem.data)
-        return cls(step, mechanics, *ended, solved, forms, iterations)
+        return cls(step, mechanics, *ended, solved, iterations)
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
