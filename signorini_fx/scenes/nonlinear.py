@@ -19,7 +19,6 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.results import NonlinearMechanics, SolvedBody
-from signorini_fx.forms.nonlinear.steps import NonlinearSteps
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import prescribed
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -186,6 +185,7 @@ class ProblemOfScene(NonlinearContactProblem):
             extrapolates=any(one.flows for one in statement.material),
             too_large=self._too_large,
             cures=_cures(statement),
+            held=partial(factors_held, statement),
         )
         self.linear.trusted = body.tangent is not None
         self.begin_at(-1.0)
@@ -199,10 +199,11 @@ class ProblemOfScene(NonlinearContactProblem):
         """Return the body before the first load step, without loads."""
         return self._first
 
-    def _step_to(self, state: State, time: float) -> tuple[NonlinearSteps, float, float]:
+    def _step_to(self, state: State, time: float) -> tuple[float, float]:
         place = self.path.place_of(time)
         reached = self.path.place_of(state.time) if state.number else place - 1.0
-        return NonlinearSteps(self._solver, self.path, self.go_to), reached, place
+        self._solver.go_through(self.path, self.go_to)
+        return reached, place
 
     def solved(
         self,
@@ -222,9 +223,8 @@ class ProblemOfScene(NonlinearContactProblem):
         if begin.number:
             way.begin_at(self.path.place_of(begin.time))
         try:
-            held = partial(factors_held, self.statement)
-            steps = NonlinearSteps(self._solver, self.path, self.go_to, way, held)
-            why, advice = self._solved_path(steps, begin, stored, on_step)
+            self._solver.go_through(self.path, self.go_to, way)
+            why, advice = self._solved_path(begin, stored, on_step)
         except FormError as error:
             raise _of_scene(error) from None
         if why:

@@ -24,7 +24,6 @@ from signorini_fx.forms.given_forms import (
     supported,
 )
 from signorini_fx.forms.nonlinear.linearised import NonlinearBody
-from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
 from signorini_fx.forms.nonlinear.residual import (
     KeptFunctions,
     Residual,
@@ -43,7 +42,7 @@ from signorini_fx.forms.nonlinear.results import (
     stress_of,
     traction_left,
 )
-from signorini_fx.forms.nonlinear.steps import NonlinearSteps, solve_path
+from signorini_fx.forms.nonlinear.steps import EquilibriumSolver
 from signorini_fx.forms.nonlinear.verdicts import leads
 from signorini_fx.forms.solver import LASTS, UNDERIVED, Clock
 from signorini_fx.machine.compilation import compiling
@@ -474,14 +473,15 @@ class NonlinearContactProblem(ProblemOfForms):
             SceneError: the time is not after that of the state, or the state is of another mesh.
         """
         check_step(state, time, self.linear.space)
-        steps, reached, place = self._step_to(state, time)
+        solver = self._solver
+        reached, place = self._step_to(state, time)
         self._ends = []
-        self._solver.begin_path()
-        new, report = all_steps(steps, state, reached, place, partial(step, steps))
+        solver.begin_path()
+        new, report = all_steps(solver, state, reached, place, partial(step, solver))
         if report.result is None:
             raise report.error or ConvergenceError(self, report.why)
         if report.status is Status.CONVERGED:
-            self._solver.start(new)
+            solver.start(new)
             self._share()
         return new, report.result
 
@@ -494,14 +494,15 @@ class NonlinearContactProblem(ProblemOfForms):
             return
         begin = self.linear.begin
         time = counted_path(begin.number).time_at(begin.number)
-        steps = NonlinearSteps(solver, self.path, lambda place: None)
-        new, report = ended(steps, begin, solver.committed(time), solver.solved)
-        steps.accept(new, report)
+        solver.go_through(self.path)
+        new, report = ended(solver, begin, solver.committed(time), solver.solved)
+        solver.accept(new, report)
         solver.start(new)
 
-    def _step_to(self, state: State, time: float) -> tuple[NonlinearSteps, float, float]:
-        """The steps from a state to a time, with the places of both."""
-        return NonlinearSteps(self._solver, LoadPath((time,)), lambda place: None), -1.0, 0.0
+    def _step_to(self, state: State, time: float) -> tuple[float, float]:
+        """Take the way from a state to a time; the places of both."""
+        self._solver.go_through(LoadPath((time,)))
+        return -1.0, 0.0
 
     def _through(
         self,
@@ -511,8 +512,8 @@ class NonlinearContactProblem(ProblemOfForms):
         on_step: Callable[[StepResult], object],
     ) -> Solution:
         way = HalvedIncrements(path)
-        steps = NonlinearSteps(self._solver, path, lambda place: clock(path.time_at(place)), way)
-        failure, advice = self._solved_path(steps, self.linear.begin, stored, on_step)
+        self._solver.go_through(path, lambda place: clock(path.time_at(place)), way)
+        failure, advice = self._solved_path(self.linear.begin, stored, on_step)
         if self._solver.solved is not None:
             self._share()
         if failure:
@@ -521,19 +522,18 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def _solved_path(
         self,
-        steps: NonlinearSteps,
         begin: State,
         stored: StoredStates | None,
         on_step: Callable[[StepResult], object],
     ) -> tuple[str, str]:
-        """See ``solve_path``; the load steps with a solution are kept; collective."""
+        """See ``solve_path`` of the solver; the load steps with a solution are kept; collective."""
         ends = self._ends = []
 
         def shown(solved: SolvedBody) -> None:
             ends.append(solved.end)
             on_step(solved.result)
 
-        return solve_path(steps, begin, shown, stored)
+        return self._solver.solve_path(begin, shown, stored)
 
 
 def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, ...]:

@@ -1,68 +1,408 @@
-"""The load steps of a nonlinear body: each from the state before it."""
+"""The equilibria of a nonlinear body: each load step from the state before it, and the verdicts on
+where Newton's method ends.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 from typing import Any
 
+import numpy as np
+
 from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import MatrixError
-from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
-from signorini_fx.forms.nonlinear.results import SolvedBody
+from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
+from signorini_fx.forms.nonlinear.crossing import behind, crossing
+from signorini_fx.forms.nonlinear.linearised import NonlinearBody, Solved
+from signorini_fx.forms.nonlinear.newton import Verdict, newton
+from signorini_fx.forms.nonlinear.residual import Remembers, round_off
+from signorini_fx.forms.nonlinear.results import SolvedBody, certified
+from signorini_fx.forms.nonlinear.verdicts import (
+    corner_inside,
+    leads,
+    overlap,
+    overlap_of_bodies,
+    reason_for_none,
+    stable,
+)
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
-from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.state import Field, State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.step_effect import StepEffect
-from signorini_fx.records import History, Status, StepRecord, Timings
+from signorini_fx.records import OF_THE_BODY, History, Status, StepRecord, Timings
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.solving.frames import solution_of
 from signorini_fx.solving.increments import FINAL, HalvedIncrements
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.step import refuse_no_duration
 
+# What is said of linear bodies alone.
+OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
+# How a solve ends that says nothing of the stiffness, beside these.
+NOT_BY_STIFFNESS = (
+    *OF_THE_BODY,
+    Status.PASSED,
+    Status.CROSSED,
+    Status.FOLDED,
+    Status.AT_END,
+    Status.INSIDE,
+    Status.NOT_CERTIFIED,
+)
 
-@dataclass(frozen=True)
-class NonlinearSteps:
-    """A nonlinear body on a path.
 
-    Attributes:
-        solver: finds its equilibria.
-        path: the load steps.
-        go_to: changes the body to what it is at a place.
-        way: where it is on the path; None: one step of a user's own is solved.
-        held: says in words what the place that was reached bears of the loads at one without a
-            solution.
+@dataclass
+class EquilibriumSolver:
+    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they
+    are.
     """
 
-    solver: EquilibriumSolver
-    path: LoadPath
-    go_to: Callable[[float], object]
+    body: NonlinearBody
+    commit: Callable[[], object] | None  # the user's function at the end of a step
+    remembers: Remembers | None  # what the material keeps of earlier steps
+    max_newton: int
+    asks_stability: bool
+    extrapolates: bool = False  # whether Newton's method begins beyond the step before
+    too_large: Callable[[], str] = lambda: (
+        ""
+    )  # by how much the deformation is, in words; "": it is not; collective
+    # See ``behind``, of the solutions since the path began.
+    passed: dict[int, str] = field(default_factory=dict)
+    # What to do about statuses, where that is not ``Status.advice``.
+    cures: Mapping[Status, str] = field(default_factory=dict)
+    status: Status | None = (
+        None  # of the last attempt; None: it has ended by an error, or there is none
+    )
+    verdict: Verdict = field(init=False)  # on the last attempt
+    linear_solves: int = 0  # likewise
+    failure: str = ""  # how the last attempt has ended that has no solution, in words
+    solved: SolvedBody | None = None  # the last solution that was taken, for results
+    reached: State | None = None  # the end of the last step
+    timings: Timings = field(default_factory=Timings)
+    # the largest displacement of solutions that were taken, relative to the size of the body
+    farthest: float = 0.0
+    _since: State = field(init=False)  # the last solution before an attempt, or what there was
+    path: LoadPath = field(init=False)  # the load steps
+    go_to: Callable[[float], object] = field(init=False)  # changes the body to what it is there
+    # Where it is on the path; None: one step of a user's own is solved.
     way: HalvedIncrements | None = None
+    # Says in words what the place that was reached bears of the loads at one without a solution.
     held: Callable[[float, float], str] = lambda reached, failed: ""
 
     @property
     def history(self) -> History:
         """Return the history of all solves."""
-        return self.solver.body.history
-
-    @property
-    def timings(self) -> Timings:
-        """Return the times of this path."""
-        return self.solver.timings
+        return self.body.history
 
     @property
     def effects(self) -> Sequence[StepEffect]:
         """Return what else happens from load step to load step."""
-        return self.solver.body.effects
+        return self.body.effects
+
+    def go_through(
+        self,
+        path: LoadPath,
+        go_to: Callable[[float], object] = lambda place: None,
+        way: HalvedIncrements | None = None,
+    ) -> None:
+        """Take load steps, see the attributes of these names."""
+        self.path = path
+        self.go_to = go_to
+        self.way = way
+
+    def begin_path(self) -> None:
+        """Forget how long solves took, and a first step that had no solution."""
+        self.timings = Timings()
+        self.passed = {}
+        if self.solved is not None and self.solved.status is not Status.CONVERGED:
+            self.solved = None
+
+    def attempt(self, *, final: bool = True) -> str:
+        """Solve with the values of now; ``take`` makes it the last solution; ``final``: whether no
+        smaller step will be tried, so that a failure is asked why there may be no solution.
+        Returns why there is none, and what to do, with all but ``status`` as the last solution was;
+        "": there is one; collective.
+        """
+        body = self.body
+        begin = body.at.x.array.copy()
+        last = self._since = body.last or self._beginning(begin)
+        self.status = None
+        solves = len(body.history.iterations)
+        search = partial(newton, body, self.judge, self.max_newton)
+        try:
+            verdict = self._ended("iterate", search)
+            status = verdict.status
+            if status is Status.CONVERGED and self._hidden(verdict.certificate):
+                verdict = replace(verdict, status=Status.NO_DIGIT)
+            elif status is Status.CONVERGED and self.asks_stability:
+                assert body.solved is not None
+                status, place = stable(body.solved)
+                verdict = replace(verdict, status=status, detail=place)
+            elif (
+                final
+                and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS)
+                and not verdict.without
+                # The last iterate of a contact problem without sets is no equilibrium.
+                and not verdict.detail
+            ):
+                without = reason_for_none(body, last.displacement, verdict.tried)
+                verdict = replace(verdict, without=without)
+        except Exception:
+            self.show_last(begin)
+            raise
+        self.verdict = verdict
+        status = self.status = verdict.status
+        self.linear_solves = len(body.history.iterations) - solves
+        if status is Status.CONVERGED:
+            return ""
+        reason = verdict.without or verdict.detail
+        certificate = verdict.certificate
+        if (
+            not reason
+            and certificate is not None
+            and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED)
+        ):
+            reason = f"{certificate.worst_name} {certificate.worst:.1e}"
+        ended = (
+            "deformation too large for small strains"
+            if status is Status.TOO_LARGE
+            else status.value
+        )
+        self.failure = ended + (f" ({reason})" if reason else "")
+        if status is Status.INVERTED and verdict.without:  # beyond any displacement of the body
+            self.failure = verdict.without
+        if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
+            passed = self.passed | behind(body, last)
+            self.failure += "".join(f"; {text}" for text in passed.values())
+        self.show_last(begin)
+        return f"{self.failure}: {self.advice(status)}"
+
+    def advice(self, status: Status) -> str:
+        """Return what to do about the last attempt, which has ended with this status."""
+        cause = self.verdict.cause
+        if cause is not None and status in (Status.NOT_SOLVED, Status.LIMIT):
+            return cause.advice
+        return self.cures.get(status, status.advice)
+
+    def certify(self) -> Status:
+        """The verdict, but for stability, on the displacement of now, which an earlier run has
+        found; collective.
+        """
+        self._since = self.body.begin
+        values = self.body.at.x.array.copy()
+        self.verdict = self._ended("certify", lambda: self.judge(self.body.evaluated.at(values)))
+        return self.verdict.status
+
+    def _ended(self, phase: str, solve: Callable[[], Verdict]) -> Verdict:
+        """How something ends that may not be able to go on; collective."""
+        try:
+            with self.timings.phase(phase):
+                return solve()
+        except PairingError as error:
+            return Verdict(Status.FOLDED, str(error))
+        except ConvergenceError as error:
+            return self._not_solved(error.solution)
+        except MatrixError as error:
+            if error.fault != NOT_FINITE:
+                raise
+            return Verdict(Status.NOT_FINITE)
+
+    def take(self) -> SolvedBody:
+        """Make what there is now the last solution, and return it; collective."""
+        verdict = self.verdict
+        certificate = verdict.certificate
+        assert certificate is not None
+        assert verdict.mechanics is not None
+        self.passed |= behind(self.body, self._since)
+        self.farthest = max(self.farthest, certificate.displacement)
+        counts = self.linear_solves, verdict.iterations
+        self.solved = SolvedBody.of(self.body.settled(), certificate, verdict.mechanics, *counts)
+        return self.solved
+
+    def before(self, status: Status, solves: int) -> SolvedBody | None:
+        """The body as it is, without contact, to be shown in place of a solution that there is not;
+        None: it cannot be evaluated; ``status``, ``solves``: how the search has ended, after how
+        many linear solves; collective.
+        """
+        with suppress(FormError, MatrixError, PairingError):
+            if (residual := self.body.evaluated.at(self.body.at.x.array.copy())) is None:
+                return None
+            solved = self.body.leave_open(status)
+            return SolvedBody.of(solved, *certified(residual, solved), solves, 0, status)
+        return None
+
+    def initial(self) -> State:
+        """The body before the first step, with what its material remembers then."""
+        return self._remembered(self.body.initial())
+
+    def _remembered(self, state: State) -> State:
+        """A state with what the material remembers now."""
+        if self.remembers is None:
+            return state
+        values = self.remembers.remembered()
+        kept = {name: Field("cells", rows) for name, rows in values.items()}
+        return replace(state, fields={**state.fields, **kept})
+
+    def _beginning(self, values: Array) -> State:
+        """The state from which the way of a step counts: where the step begins, but where bodies
+        and shapes are now if the user has put the body elsewhere before the first one, ``values``
+        of u; collective.
+        """
+        begin = self.body.begin
+        comm = self.body.space.mesh.comm
+        if begin.number or not parallel.any_rank(
+            comm, not np.array_equal(values, begin.displacement)
+        ):
+            return begin
+        return replace(begin, displacement=values, placed=self.body.foundations.placed)
+
+    def start(self, state: State) -> None:
+        """Begin a step from a state, and from nothing else that another step has left; collective.
+
+        Raises:
+            FormError: the material has its history elsewhere.
+            SceneError: the state is that of another material.
+        """
+        body = self.body
+        known = state is body.begin or state is self.reached
+        if not known and (state.number or body.begin.number):
+            self.refuse_elsewhere()
+        self._recall_material(state)
+        body.start(state)
+        size = parallel.largest(body.space.mesh.comm, np.abs(state.displacement))
+        self.farthest = max(self.farthest, size / body.named[1].size)
+
+    def refuse_elsewhere(self) -> None:
+        """Refuse to begin from a state without what the material remembers.
+
+        Raises:
+            FormError: the material keeps it elsewhere.
+        """
+        if self.commit is not None and self.remembers is None:
+            reason = (
+                "keeps what the material remembers where no state has it, so that no step can "
+                "begin from one: give kept, the Functions that it changes"
+            )
+            raise FormError.at("commit", reason)
+
+    def _recall_material(self, state: State) -> None:
+        """Let the material remember what it does in a state; collective."""
+        if self.remembers is not None and (state.fields or state.number):
+            self.remembers.recall(state.fields)
+
+    def committed(self, time: float) -> State:
+        """Return the end of the step whose last solution was taken, from which the material goes
+        on; collective.
+        """
+        assert self.body.last is not None
+        if self.commit is not None:
+            self.commit()
+        new = self._remembered(replace(self.body.last, time=time))
+        begin = self.body.begin
+        if not self.extrapolates or time <= begin.time:
+            return new
+        rate = (new.displacement - begin.displacement) / (time - begin.time)
+        return new.with_field("rate", "dofs", rate)
+
+    def extrapolate(self, state: State, time: float) -> None:
+        """Begin Newton's method where the step before a state goes on to, until a time: a body that
+        flows is soft there, but at the state it has its elastic tangent.
+        """
+        if self.extrapolates and (rate := state.fields.get("rate")) is not None:
+            self.body.at.x.array[:] = state.displacement + rate.values * (time - state.time)
+
+    def show_last(self, begin: Array) -> None:
+        """Make the last solution what the user sees, or before the first one the values of ``u``
+        where it began; loads and shapes stay, but for rigid bodies that forces move; collective.
+        """
+        solved = self.solved
+        if solved is not None and solved.status is not Status.CONVERGED:
+            solved = None
+        body = self.body
+        body.now = None
+        body.solved = None if solved is None else solved.solved
+        body.show(None if body.solved is None else body.solved.state)
+        body.foundations.carry_to((body.last or body.begin).rigid)
+        body.at.x.array[:] = begin if solved is None else solved.result.displacement.x.array
+        with suppress(FormError):  # before the first solution it may not be possible
+            body.evaluated.updated()
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Return the certificate of the last solution."""
+        solved = self.solved
+        ended = solved is not None and solved.status is Status.CONVERGED
+        return solved.result.certificate if solved is not None and ended else None
+
+    def _not_solved(self, solved: Solved) -> Verdict:
+        """How a solve ends whose linear contact problem has no solution, which proves little of the
+        body itself.
+        """
+        inner = solved.status
+        if inner is Status.NOT_HELD:
+            return Verdict(inner)
+        if inner is Status.OPEN and solved.loose:
+            return Verdict(inner, "nothing presses on the body, and the supports do not hold it")
+        if inner in OF_LINEAR_BODIES:
+            if not leads(self.body, self.body.at.x.array.copy()):
+                return Verdict(Status.NOT_SOLVED)
+            without = f"the tangent does not hold it: {inner.value}"
+            return Verdict(Status.NOT_SOLVED, without=without, cause=inner)
+        if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):
+            return Verdict(inner)
+        return Verdict(Status.NOT_SOLVED, inner.value)
+
+    def _hidden(self, certificate: Certificate | None) -> bool:
+        """Whether round-off may be all that there is in the solution, unless the body has come back
+        to rest.
+        """
+        assert certificate is not None
+        return (
+            certificate.displacement > self.farthest
+            and certificate.placed < 1.0 <= certificate.lost
+        )
+
+    def judge(self, residual: Array | None) -> Verdict:
+        """Whether an iterate is a solution, where F is ``residual``, evaluated last; collective."""
+        if residual is None:
+            return Verdict(Status.INVERTED)
+        body = self.body
+        foundations = body.foundations
+        last = self._since
+        if self.body.evaluated.turns_over(last.displacement):
+            return Verdict(Status.INVERTED, "some turn over within the step")
+        solved = body.solved
+        assert solved is not None
+        boundary = solved.linear.boundary
+        for status, said in (
+            (Status.TOO_LARGE, self.too_large),
+            (Status.INSIDE, lambda: overlap(foundations, last)),
+            (Status.CORNER, lambda: corner_inside(foundations, boundary)),
+            (Status.PASSED, lambda: overlap_of_bodies(foundations, last)),
+        ):
+            if detail := said():
+                return Verdict(status, detail)
+        if (crossed := crossing(body)) is not None:
+            return Verdict(Status.CROSSED if crossed.itself else Status.PASSED, crossed.text)
+        body.slide()
+        for number, pair in foundations.sliding.items():
+            if body.contact[number].bilateral and (reached := pair.parted):
+                return Verdict(Status.AT_END, reached)
+        lost = round_off(body.evaluated, residual)
+        certificate, mechanics = certified(residual, solved, lost)
+        status = Status.CONVERGED if certificate.holds else Status.NOT_CERTIFIED
+        return Verdict(status, "", certificate, mechanics)
 
     def accept(self, new: State, report: Any) -> None:
         """The next step begins from this end of the last one."""
-        self.solver.solved = report
-        self.solver.reached = new
+        self.solved = report
+        self.reached = new
 
     def equilibrium(
         self,
@@ -82,25 +422,25 @@ class NonlinearSteps:
             guess: is none of a nonlinear body.
             budget: linear solves that it may take; None: those of the settings.
         """
-        solver = self.solver
+        body = self.body
         way = self.way
-        kept = solver.body.begin, solver.body.at.x.array.copy()
+        kept = body.begin, body.at.x.array.copy()
         solves = self.history.linear_solves
         final = way is None or not way.may_halve
         error: FormError | None = None
         shown: SolvedBody | None = None
         try:
             self._begin(state, place, time)
-            solver.extrapolate(state, time)
+            self.extrapolate(state, time)
             with self.history.at_most(inf if budget is None else budget):
-                why = solver.attempt(final=final)
+                why = self.attempt(final=final)
             if not why:
-                solved = self._named(solver.take(), place, time)
-                return solver.committed(time), solved
-            status = Status.LIMIT if solver.verdict.without else solver.status
+                solved = self._named(self.take(), place, time)
+                return self.committed(time), solved
+            status = Status.LIMIT if self.verdict.without else self.status
             assert status is not None
-            if (final or status in FINAL) and (way is None or solver.solved is None):
-                shown = solver.before(status, self.history.linear_solves - solves)
+            if (final or status in FINAL) and (way is None or self.solved is None):
+                shown = self.before(status, self.history.linear_solves - solves)
         except FormError as raised:
             status, why, error = None, str(raised), raised
         except Exception:
@@ -111,35 +451,37 @@ class NonlinearSteps:
             record = StepRecord(state.number + 1, self.path.name_at(place), time)
             return state, Failure(record, status, why, error)
         shown = self._named(shown, place, time)
-        if solver.solved is None:
-            solver.solved = shown
+        if self.solved is None:
+            self.solved = shown
         return state, shown
 
     def _begin(self, state: State, place: float, time: float) -> None:
         """Put the body where a step to a place, which ends at a time, begins; collective."""
-        body = self.solver.body
-        self.solver.start(state)
+        body = self.body
+        foundations = body.foundations
+        dt = time - state.time
+        self.start(state)
         body.several = self.path.several
-        body.foundations.dt = time - state.time
+        foundations.dt = dt
         self.go_to(place)
-        body.evaluated.begin(state, body.foundations.dt)
-        rigid = body.foundations.rigid_bodies
+        body.evaluated.begin(state, dt)
+        rigid = foundations.rigid_bodies
         body.drives = rigid.drives()
         for effect in self.effects:
-            body.foundations.drive(effect.driven(rigid, state, body.foundations.dt))
+            foundations.drive(effect.driven(rigid, state, dt))
         laws = [entry.friction for entry in body.contact]
         if any(law is not None and law.follows_slip for law in laws):
-            refuse_no_duration(body.foundations.dt)
+            refuse_no_duration(dt)
 
     def _go_back(self, begin: State, values: Array) -> None:
         """Show the last solution, as a step has none; a step of a user's own begins again where the
         last one has begun; collective.
         """
         if self.way is None:
-            self.solver.body.begin = begin
-            self.solver.recall(begin)
-            self.solver.body.settle()
-            self.solver.show_last(values)
+            self.body.begin = begin
+            self._recall_material(begin)
+            self.body.settle()
+            self.show_last(values)
         else:
             self.go_to(self.way.reached)
 
@@ -157,9 +499,8 @@ class NonlinearSteps:
         method: Mapping[str, Any],
     ) -> tuple[State, SolvedBody | Failure] | None:
         """See ``recalled_equilibrium``."""
-        solver = self.solver
-        body = solver.body
-        solver.refuse_elsewhere()
+        body = self.body
+        self.refuse_elsewhere()
         self._begin(state, place, time)
         if (end := read(body.space)) is None:
             return None
@@ -174,13 +515,54 @@ class NonlinearSteps:
                 body.take(linear, solution_of(linear.posed, linear.start, end, **method))
                 assert end.contact is not None
                 body.take_tractions(end.contact)
-                status = solver.certify()
+                status = self.certify()
         if status is not Status.CONVERGED:
-            solver.show_last(state.displacement)
+            self.show_last(state.displacement)
             record = StepRecord(state.number + 1, self.path.name_at(place), time)
             return state, Failure(record, status, status.value)
-        solver.status = status
-        return end, self._named(solver.take(), place, time)
+        self.status = status
+        return end, self._named(self.take(), place, time)
+
+    def solve_path(
+        self,
+        state: State,
+        on_step: Callable[[SolvedBody], object],
+        stored: StoredStates | None = None,
+    ) -> tuple[str, str]:
+        """Solve the load steps of a path after a state; the solver is left where the next one would
+        begin; collective.
+
+        Returns:
+            Why the path has ended before its last step, and what to do about it, in words; "": it
+            has not.
+
+        Raises:
+            FormError: with which the smallest step has ended.
+        """
+        way = self.way
+        assert way is not None
+        self.begin_path()
+        first = way.reached
+        for new, ended in run(self, state, way, stored=stored):
+            if ended.status is Status.CONVERGED:
+                on_step(ended)
+            self.start(new)
+        if ended.status is Status.CONVERGED:
+            return "", ""
+        path = self.path
+        end, reached = (f"time {path.time_at(place):g}" for place in (way.next, way.reached))
+        last = "there is no solution before it"
+        if way.reached > first:
+            last = f"there is a solution at {reached}{self.held(way.reached, way.next)}"
+        if (error := getattr(ended, "error", None)) is not None:
+            reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
+            raise FormError(reasons, error.source) from error.__cause__
+        status = self.status = ended.status
+        assert status is not None
+        failure = f"{self.failure}: at {end}; {last}"
+        if status is Status.LIMIT:
+            failure = f"{status.value}: {last}; a step to {end} ends with: {self.failure}"
+        return failure, self.advice(status)
 
 
 @dataclass(frozen=True)
@@ -202,46 +584,3 @@ class Failure:
 
     def __str__(self) -> str:
         return f"{self.record}: {self.why}"
-
-
-def solve_path(
-    problem: NonlinearSteps,
-    state: State,
-    on_step: Callable[[SolvedBody], object],
-    stored: StoredStates | None = None,
-) -> tuple[str, str]:
-    """Solve the load steps of a path after a state; the solver is left where the next one would
-    begin; collective.
-
-    Returns:
-        Why the path has ended before its last step, and what to do about it, in words; "": it has
-        not.
-
-    Raises:
-        FormError: with which the smallest step has ended.
-    """
-    solver = problem.solver
-    way = problem.way
-    assert way is not None
-    solver.begin_path()
-    first = way.reached
-    for new, ended in run(problem, state, way, stored=stored):
-        if ended.status is Status.CONVERGED:
-            on_step(ended)
-        solver.start(new)
-    if ended.status is Status.CONVERGED:
-        return "", ""
-    path = problem.path
-    end, reached = (f"time {path.time_at(place):g}" for place in (way.next, way.reached))
-    last = "there is no solution before it"
-    if way.reached > first:
-        last = f"there is a solution at {reached}{problem.held(way.reached, way.next)}"
-    if (error := getattr(ended, "error", None)) is not None:
-        reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
-        raise FormError(reasons, error.source) from error.__cause__
-    status = solver.status = ended.status
-    assert status is not None
-    failure = f"{solver.failure}: at {end}; {last}"
-    if status is Status.LIMIT:
-        failure = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
-    return failure, solver.advice(status)
