@@ -287,7 +287,11 @@ class State:
             elif at != "global":
                 column = _of_cells(space, column)
             values[name] = Field(at, column.reshape(-1, *shape))
-        placed = [None if entry is None else _placement(*entry) for entry in described["placed"]]
+        # JSON has made lists of the tuples.
+        placed = [
+            entry and tuple(tuple(one) if isinstance(one, list) else one for one in entry)
+            for entry in described["placed"]
+        ]
         return cls(
             described["number"],
             described["time"],
@@ -321,11 +325,6 @@ def write_table(path: Path, table: Mapping[str, Any]) -> None:
     """Write what ``State.table`` gives; on one rank."""
     with path.open("wb") as stream:
         np.savez(stream, **table)
-
-
-def _placement(*entries: Any) -> Any:
-    """Restore the tuples of which JSON has made lists."""
-    return tuple(tuple(entry) if isinstance(entry, list) else entry for entry in entries)
 
 
 def _owned_cells(space: fem.FunctionSpace) -> int:

@@ -42,9 +42,7 @@ def solve_tightened(
     loads = _tightened(model, place)
     of_all = [k for k, load in enumerate(model.applied) if load.entry is not None]
     numbers = [of_all.index(k) for k in loads]
-    wanted = np.array(
-        [entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64
-    )
+    wanted = np.array([entry.value_at(model.statement, place) for entry in loads.values()])
     previous = np.array(shortenings(model, place))
     # Shortenings s, and ``slope``, length per force: Broyden's approximation of the inverse of
     # dN/ds, empty until every section holds some of its force; ``last`` are s and N of the iterate

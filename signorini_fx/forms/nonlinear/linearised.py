@@ -186,7 +186,7 @@ class MovingFoundations(Foundations):
             # Not its closest points: a node may be inside by the penalty, or away by a gap that is
             # added.
             at = boundary.x[points] + places[boundary.nodes[points]]
-            motion[points] = shape.carried_from(earlier, at)
+            motion[points] = shape.moved_points(earlier.moved_back(at)) - at
             if (corners := boundary.corners) is not None:  # these move with the shape
                 points = points[~boundary.at_nodes[points]]
                 now = corners.place[points]
@@ -198,14 +198,16 @@ class MovingFoundations(Foundations):
     ) -> Array | None:
         """Return the infinitesimal rotation at contact points, the mean of both sides of a pair."""
         moved = self.moved_shapes(placed)
-        turned = dict.fromkeys(self.moving, np.eye(self._dimension))
+        dim = self._dimension
+        turned = dict.fromkeys(self.moving, np.eye(dim))
         turned |= {
-            k: shape.turned_from(earlier, self._dimension) for k, (shape, earlier) in moved.items()
+            k: shape.turn_matrix(dim) @ earlier.turn_matrix(dim).T
+            for k, (shape, earlier) in moved.items()
         }
         turned |= {k: pair.rotation for k, pair in self.sliding.items()}
         if not turned:
             return None
-        rotation = np.tile(np.eye(self._dimension), (boundary.size, 1, 1))
+        rotation = np.tile(np.eye(dim), (boundary.size, 1, 1))
         for number, turn in turned.items():
             rotation[boundary.part == number] = turn
         return rotation
@@ -542,11 +544,6 @@ class NonlinearBody(BodyOfForms):
         """See ``State.save``."""
         return (self.now or self.as_it_is()).boundary, self.space
 
-    @property
-    def begun_places(self) -> Array:
-        """Displacements of the nodes at the end of the last step, shape (nodes, d)."""
-        return self.begin.displacement.reshape(self.places.shape)
-
     def start(self, state: State) -> None:
         """Put the body where a step begins, with nothing of other steps; collective."""
         if state is not self.begin:  # else u is the first iterate that a user has given
@@ -744,7 +741,8 @@ class NonlinearBody(BodyOfForms):
         """Return the displacement of contact points relative to shapes since the step began,
         without what forces move, shape (n, d).
         """
-        way = (self.places - self.begun_places)[boundary.nodes]
+        places = self.places
+        way = (places - self.begin.displacement.reshape(places.shape))[boundary.nodes]
         return way if before is None or before.moved is None else (way - before.moved)
 
     def _tangent(

@@ -118,7 +118,11 @@ class Residual:
         """
         self.go_to(values)
         forces = self.assembled()
-        fails = not np.isfinite(forces).all() or self._turned_inside_out()
+        # Whether det(I + grad u) = det (x + u)' / det x' is not positive at a quadrature point.
+        fails = not np.isfinite(forces).all() or any(
+            bool((determinants(displaced) * np.sign(determinants(place)) <= 0).any())
+            for place, displaced in self._gradients(values)
+        )
         return None if parallel.any_rank(self.u.function_space.mesh.comm, fails) else forces
 
     def _gradients(self, values: Array) -> Iterator[tuple[Array, Array]]:
@@ -134,14 +138,6 @@ class Residual:
             )
         for place, moved in self._slopes.along_reference(values):
             yield place, place + moved[: len(place)]
-
-    def _turned_inside_out(self) -> bool:
-        """Whether det(I + grad u) is not positive at a quadrature point of this rank."""
-        # The determinant of the product I + grad u = (x + u)' / x'.
-        return any(
-            bool((determinants(displaced) * np.sign(determinants(place)) <= 0).any())
-            for place, displaced in self._gradients(self.u.x.array)
-        )
 
     def turns_over(self, before: Array) -> bool:
         """Whether the way to ``u`` from other values turns a cell over: F of now times the inverse

@@ -470,12 +470,6 @@ class Preload(Load):
         if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
             yield (*path, "factors"), "must be positive while the force acts"
 
-    def force_at(self, statement: Any, step: float) -> float | None:
-        """Return the tension that determines the shortening, at a place in the lists of factors;
-        None: the shortening is known.
-        """
-        return self._value_at(statement, step) if self.tightens(step) else None
-
     def tightens(self, step: float) -> bool:
         """Return whether its force determines the shortening at a place."""
         return self.force is not None and step <= self.locked_after - 1
@@ -487,14 +481,14 @@ class Preload(Load):
         if self.force is not None:
             found = self.found_at(statement, step)
             return 0.0 if isnan(found) else found
-        return self._value_at(statement, step)
+        return self.value_at(statement, step)
 
     def found_at(self, statement: Any, step: float) -> float:
         """Return the shortening to which its force has led up to a place, length; nan: to none."""
         found = statement.found.get(id(self), {})
         return found[max(places)] if (places := [at for at in found if at <= step]) else nan
 
-    def _value_at(self, statement: Any, step: float) -> float:
+    def value_at(self, statement: Any, step: float) -> float:
         """Return the given force or shortening at a place in the lists of factors."""
         factor, current = statement.now(self, step)
         (value,) = current.given.values()

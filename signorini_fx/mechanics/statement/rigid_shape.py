@@ -287,16 +287,6 @@ class Shape(Placed, RigidMotion):
         closest = x - signed[:, None] * normal
         return closest - earlier.moved_points(self.moved_back(closest))
 
-    def carried_from(self, earlier: Shape, x: Array) -> Array:
-        """Return the motion of points that are fixed to the shape since they were at x, length,
-        shape (n, d).
-        """
-        return self.moved_points(earlier.moved_back(x)) - x
-
-    def turned_from(self, earlier: Shape, dimension: int) -> Array:
-        """The rotation since it was placed like ``earlier``, shape (d, d)."""
-        return self.turn_matrix(dimension) @ earlier.turn_matrix(dimension).T
-
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
         """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot,
         and of its turn.
