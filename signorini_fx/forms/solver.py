@@ -15,7 +15,6 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.task import Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -218,9 +217,8 @@ class BodyOfForms:
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
             at_rest = foundations.at_rest(*solved.prescribed)
             boundary = foundations.boundary(shapes, fixed, at_rest)
-        data, law = foundations.problem(
-            boundary, foundations.data(shapes), Settings.of(self.settings), solved.elastic.scales
-        )
+        of_body = solved.elastic.settings, solved.elastic.scales
+        data, law = foundations.problem(boundary, foundations.data(shapes), *of_body)
         return self.supports()[1][: fixed.size], boundary, data.gap, law
 
 
@@ -360,19 +358,14 @@ class FormSolver(BodyOfForms):
             self._set_up(shapes, renewed=renewed)
         elif changed["loads"]:
             self.task.system.set_case(0, self._case(driven))
-        settings = Settings.of(self.settings)
-        scales = self.elastic.scales
-        data, law = foundations.problem(self.boundary, foundations.data(shapes), settings, scales)
+        of_body = self.settings, self.elastic.scales
+        data, law = foundations.problem(self.boundary, foundations.data(shapes), *of_body)
         pairs = foundations.pairs
         self.elastic = replace(self.elastic, data=data, law=law, pairs=pairs, rigid=rigid)
         if anew:
+            case = self._case(driven)
             self.task = self.elastic.task(
-                [self._case(driven)],
-                np.ones(1),
-                data,
-                law,
-                coarser=self.coarser,
-                history=self.history,
+                [case], np.ones(1), coarser=self.coarser, history=self.history
             )
             self.outdated = True
         self._inputs_before = now

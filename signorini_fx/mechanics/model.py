@@ -509,8 +509,6 @@ class Model:
         self,
         cases: Sequence[LoadCase],
         factors: Array,
-        data: RegularisedData | None,
-        law: PointFriction | None,
         *,
         coarser: MeshLevel | None = None,
         allowed: Callable[[fem.Function], float] | None = None,
@@ -527,6 +525,7 @@ class Model:
         )
         system.set_load(factors)
         share = self.settings.regularisation_error
+        data = self.data
 
         def goal(x: PETSc.Vec) -> float:
             y = self.function(system.displacement(x))
@@ -540,7 +539,7 @@ class Model:
             system,
             self.at_contact,
             np.empty(0) if data is None else data.gap,
-            law,
+            self.law,
             bilateral=None if data is None else data.bilateral,
             settings=Settings.of(self.settings),
             natural_gamma=self.scales.gamma,

@@ -294,8 +294,6 @@ def contact_task(
     task = model.task(
         model.cases,
         factors,
-        model.data,
-        model.law,
         coarser=coarser,
         allowed=_allowed(model),
         choose=choose,

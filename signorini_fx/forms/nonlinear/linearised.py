@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
@@ -661,12 +660,12 @@ class NonlinearBody(BodyOfForms):
         elastic = with_modulus(elastic, boundary, natural, foundations.facets)
         case, iterate = self._case(elastic, iterate, rigid.driven(), prescribed)
         data = foundations.data(shapes)
-        settings = Settings.of(self.settings)
-        problem = foundations.problem(boundary, data, settings, elastic.scales)
-        task = elastic.task([case], np.ones(1), *problem, history=self.history)
+        problem = foundations.problem(boundary, data, self.settings, elastic.scales)
+        elastic = replace(elastic, rigid=rigid, data=problem[0], law=problem[1])
+        task = elastic.task([case], np.ones(1), history=self.history)
         drift = foundations.motion_at(boundary, self.begin)
         posed = Posed(
-            replace(elastic, rigid=rigid),
+            elastic,
             replace(task, rest=None),
             first_start(*problem),
             foundations.placed,

@@ -18,7 +18,6 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx.algebra import Settings
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import Linearised, NonlinearBody, Solved
@@ -176,8 +175,8 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
     for number in foundations.sliding:  # their distance is that of the map
         data[number] = replace(data[number], gap=foundations.given_gap(number))
     boundary = foundations.points([entry.shape for entry in data], *linear.prescribed)
-    settings = Settings.of(body.settings)
-    regularised, law = foundations.problem(boundary, data, settings, linear.elastic.scales)
+    of_body = body.settings, linear.elastic.scales
+    regularised, law = foundations.problem(boundary, data, *of_body)
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes

@@ -16,7 +16,6 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import FormError, MeshError, SceneError, together
@@ -39,7 +38,7 @@ from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overl
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
+from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.effect import InitialStrain, Resistance
@@ -206,18 +205,6 @@ def _loaded(on: FormCoefficients, facets: dict[str, Indices], step: float) -> di
     }
 
 
-def _problem(
-    model: Model,
-    foundations: Foundations,
-    shapes: Sequence[ShapeDistances],
-    boundary: ContactBoundary,
-) -> dict[str, Any]:
-    """Gap and friction of foundations at contact points as fields of a model."""
-    settings = Settings.of(model.settings)
-    data, law = foundations.problem(boundary, foundations.data(shapes), settings, model.scales)
-    return {"data": data, "law": law}
-
-
 def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
     """Refuse kinematics of another package in which part of the body has no volume; collective."""
     if is_of_package(type(kinematics)):
@@ -275,8 +262,9 @@ def contact_of(model: Model) -> dict[str, Any]:
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
     shapes = foundations.shapes()
     boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, rests, model.turned))
-    problem = _problem(model, foundations, shapes, boundary)
-    return {"boundary": boundary, "pairs": foundations.pairs, **problem}
+    of_model = model.settings, model.scales
+    data, law = foundations.problem(boundary, foundations.data(shapes), *of_model)
+    return {"boundary": boundary, "pairs": foundations.pairs, "data": data, "law": law}
 
 
 def law_of(model: Model) -> PointFriction | None:
@@ -292,7 +280,10 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     assert model.boundary is not None
     changed = replace(model.with_statement(statement), contacts=statement.contact)
     foundations = _foundations(changed)
-    return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
+    of_foundations = foundations.data(foundations.shapes())
+    of_model = changed.settings, changed.scales
+    data, law = foundations.problem(model.boundary, of_foundations, *of_model)
+    return replace(changed, data=data, law=law)
 
 
 def placements(contacts: Sequence[Any]) -> tuple[Placement | None, ...]:

@@ -49,6 +49,7 @@ from signorini_fx.mechanics.statement.rigid_shape import (
     distance_from,
 )
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
 if TYPE_CHECKING:
@@ -614,7 +615,7 @@ class Foundations:
         self,
         boundary: ContactBoundary,
         data: Sequence[FoundationData],
-        settings: Settings,
+        settings: SolverSettings,
         scales: Scales,
     ) -> tuple[RegularisedData, PointFriction | None]:
         """The regularised problem without shifts at the points, and its friction law; None where no
@@ -643,9 +644,8 @@ class Foundations:
                 own = (boundary.part == k) & ~np.isnan(corners.opening)
                 gap[own] = (corners.opening + given + ahead)[own]
         points = law, bilateral, boundary.points.immovable
-        return RegularisedData.unshifted(
-            gap, self._dimension - 1, settings, scales.gamma, *points
-        ), law
+        of_method = self._dimension - 1, Settings.of(settings), scales.gamma
+        return RegularisedData.unshifted(gap, *of_method, *points), law
 
     def alone(self, boundary: ContactBoundary) -> Flags:
         """Which points do not see the other side, shape (n,): nothing holds them, without pressure
