@@ -153,6 +153,14 @@ class ProblemOfForms:
             modulus=modulus,
         )
 
+    def initial(self) -> State:
+        """Return the body before the first load step, with foundations where they are."""
+        return self._ended.initial()
+
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        """See ``State.save``."""
+        return self.assembled.points()
+
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve
         and those after it.
@@ -407,14 +415,6 @@ class ContactProblem(ProblemOfForms):
         # Of the last solution that was asked for them.
         self._stresses: tuple[Report | None, RawStresses] | None = None
         self._ran: Ran | None = None  # the last ``run``, until the next solve
-
-    def initial(self) -> State:
-        """Return the body before the first load step, with foundations where they are."""
-        return self.assembled.initial()
-
-    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        """See ``State.save``."""
-        return self.assembled.points()
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:
         """Solve the load step from a state with the values of now; collective.

@@ -179,19 +179,18 @@ class Task:
 
     def counted_from(self, rest: ReferenceMotion) -> Task:
         """Return the same with displacements that are counted from another place."""
-        _ = self.newton, self.unsymmetric_newton  # which both have
-        other = copy(self)
-        object.__setattr__(other, "rest", rest)
-        return other
+        return self._with("rest", rest)
 
     def held_by(self, bonded: Flags) -> Task:
         """Return the same without free motions where bonded points hold all bodies; collective."""
         motions = self.motions
-        if not motions.held_by(bonded, bonded):
-            return self
+        return self._with("motions", motions.none) if motions.held_by(bonded, bonded) else self
+
+    def _with(self, name: str, value: Any) -> Task:
+        """Return the same with another attribute, and the same iterate."""
         _ = self.newton, self.unsymmetric_newton  # which both have
         other = copy(self)
-        object.__setattr__(other, "motions", motions.none)
+        object.__setattr__(other, name, value)
         return other
 
     def begin_step(self, start: Start) -> None:

@@ -46,7 +46,6 @@ from signorini_fx.forms.nonlinear.steps import EquilibriumSolver
 from signorini_fx.forms.nonlinear.verdicts import leads
 from signorini_fx.forms.solver import LASTS, UNDERIVED, Clock
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.state import State
@@ -447,14 +446,6 @@ class NonlinearContactProblem(ProblemOfForms):
     def path(self) -> LoadPath:
         """The load steps: those of a scene, else those of an own loop so far."""
         return counted_path(self.linear.begin.number)
-
-    def initial(self) -> State:
-        """Return the body before the first load step, with foundations where they are."""
-        return self._solver.initial()
-
-    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        """See ``State.save``."""
-        return self.linear.points()
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:
         """Solve the load step from a state with the values of now, see ``ContactProblem.step``;
