@@ -224,7 +224,7 @@ class ProblemOfScene(NonlinearContactProblem):
             way.begin_at(self.path.place_of(begin.time))
         try:
             self._solver.go_through(self.path, self.go_to, way)
-            why, advice = self._solved_path(begin, stored, on_step)
+            why, advice = self._solver.solve_path(begin, on_step, stored)
         except FormError as error:
             raise _of_scene(error) from None
         if why:

@@ -33,8 +33,6 @@ from signorini_fx.forms.nonlinear.residual import (
 )
 from signorini_fx.forms.nonlinear.results import (
     Norms,
-    ResidualMechanics,
-    SolvedBody,
     green_strain,
     lost_digits,
     slid_past_partners,
@@ -298,8 +296,6 @@ class NonlinearContactProblem(ProblemOfForms):
         self._solver = self._ended = EquilibriumSolver(self.linear, *actions)
         further = "; or raise max_newton, or give the derivative of F as J"
         self._solver.cures = {Status.NOT_SOLVED: f"{Status.NOT_SOLVED.advice}{further}"}
-        # The load steps of the last ``run`` with a solution, until the next solve.
-        self._ends: list[tuple[StepResult, ResidualMechanics]] = []
 
     @property
     def iterations(self) -> int:
@@ -312,7 +308,7 @@ class NonlinearContactProblem(ProblemOfForms):
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
         linear = solved.solved.linear
-        run = self._ends if solved.status is Status.CONVERGED else [solved.end]
+        run = self._solver.ends if solved.status is Status.CONVERGED else [solved.end]
         ends = run or [solved.end]
         steps = [step for step, _ in ends]
         path = counted_path(solved.result.step - 1)
@@ -389,7 +385,7 @@ class NonlinearContactProblem(ProblemOfForms):
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
         solved = self._solver.solved
-        steps = [step for step, _ in self._ends]
+        steps = [step for step, _ in self._solver.ends]
         ends = [*steps, *(() if solved is None else (solved.result,))]
         # Where nothing presses on a body its forces are round-off.
         if solved is None:
@@ -431,7 +427,6 @@ class NonlinearContactProblem(ProblemOfForms):
                 exception.
         """
         self.linear.refuse_moving(LASTS)
-        self._ends = []
         self._solver.begin_path()
         self.linear.several = False
         self._solver.reached = None
@@ -466,7 +461,6 @@ class NonlinearContactProblem(ProblemOfForms):
         check_step(state, time, self.linear.space)
         solver = self._solver
         reached, place = self._step_to(state, time)
-        self._ends = []
         solver.begin_path()
         new, report = all_steps(solver, state, reached, place, partial(step, solver))
         if report.result is None:
@@ -504,27 +498,12 @@ class NonlinearContactProblem(ProblemOfForms):
     ) -> Solution:
         way = HalvedIncrements(path)
         self._solver.go_through(path, lambda place: clock(path.time_at(place)), way)
-        failure, advice = self._solved_path(self.linear.begin, stored, on_step)
+        failure, advice = self._solver.solve_path(self.linear.begin, on_step, stored)
         if self._solver.solved is not None:
             self._share()
         if failure:
             raise ConvergenceError(self, f"{failure}. {advice[0].upper()}{advice[1:]}")
         return self.solution
-
-    def _solved_path(
-        self,
-        begin: State,
-        stored: StoredStates | None,
-        on_step: Callable[[StepResult], object],
-    ) -> tuple[str, str]:
-        """See ``solve_path`` of the solver; the load steps with a solution are kept; collective."""
-        ends = self._ends = []
-
-        def shown(solved: SolvedBody) -> None:
-            ends.append(solved.end)
-            on_step(solved.result)
-
-        return self._solver.solve_path(begin, shown, stored)
 
 
 def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, ...]:

@@ -20,7 +20,7 @@ from signorini_fx.forms.nonlinear.crossing import behind, crossing
 from signorini_fx.forms.nonlinear.linearised import NonlinearBody, Solved
 from signorini_fx.forms.nonlinear.newton import Verdict, newton
 from signorini_fx.forms.nonlinear.residual import Remembers, round_off
-from signorini_fx.forms.nonlinear.results import SolvedBody, certified
+from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import (
     corner_inside,
     leads,
@@ -36,6 +36,7 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import OF_THE_BODY, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.solving.frames import solution_of
 from signorini_fx.solving.increments import FINAL, HalvedIncrements
@@ -84,6 +85,8 @@ class EquilibriumSolver:
     failure: str = ""  # how the last attempt has ended that has no solution, in words
     solved: SolvedBody | None = None  # the last solution that was taken, for results
     reached: State | None = None  # the end of the last step
+    # The load steps of the path with a solution.
+    ends: list[tuple[StepResult, ResidualMechanics]] = field(default_factory=list)
     timings: Timings = field(default_factory=Timings)
     # the largest displacement of solutions that were taken, relative to the size of the body
     farthest: float = 0.0
@@ -117,9 +120,10 @@ class EquilibriumSolver:
         self.way = way
 
     def begin_path(self) -> None:
-        """Forget how long solves took, and a first step that had no solution."""
+        """Forget the load steps of another path, and a first step that had no solution."""
         self.timings = Timings()
         self.passed = {}
+        self.ends = []
         if self.solved is not None and self.solved.status is not Status.CONVERGED:
             self.solved = None
 
@@ -526,7 +530,7 @@ class EquilibriumSolver:
     def solve_path(
         self,
         state: State,
-        on_step: Callable[[SolvedBody], object],
+        on_step: Callable[[StepResult], object],
         stored: StoredStates | None = None,
     ) -> tuple[str, str]:
         """Solve the load steps of a path after a state; the solver is left where the next one would
@@ -545,7 +549,8 @@ class EquilibriumSolver:
         first = way.reached
         for new, ended in run(self, state, way, stored=stored):
             if ended.status is Status.CONVERGED:
-                on_step(ended)
+                self.ends.append(ended.end)
+                on_step(ended.result)
             self.start(new)
         if ended.status is Status.CONVERGED:
             return "", ""
