@@ -151,7 +151,11 @@ def apart(ours, theirs):
         if order is not None and a.ndim and len(a) == len(order):
             a, b = a[order], b[by_place]
         if key in ("contact", "direction"):
-            sets += [key] if ((a != 0) != (b != 0)).any() else []
+            # A component of a direction may be round-off on several ranks.
+            one_set, other_set = (
+                np.any(part.reshape(len(part), -1) != 0, axis=1) for part in (a, b)
+            )
+            sets += [key] if (one_set != other_set).any() else []
         elif key == "displacement":
             largest = np.abs(a - b).max(initial=0.0) / (np.abs(b).max(initial=0.0) or 1.0)
     return float(largest), sets
