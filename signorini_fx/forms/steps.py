@@ -23,6 +23,7 @@ from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
 from signorini_fx.solving.step import Report, step
+from signorini_fx.tuned import MOST_ADJOINT_UNKNOWNS
 
 Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
 
@@ -76,7 +77,9 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     mechanics = replace(solver.mechanics(model), settled=settled)
     found = partial(findings_of_steps, mechanics, steps, [])
     solution = contact_solution(mechanics, steps, solver.task, ended, solver.timings, found)
-    return replace(solution, state=solver.last)
+    # The matrix is that of the last step.
+    small = ran is None and solution.model.dofs <= MOST_ADJOINT_UNKNOWNS
+    return replace(solution, state=solver.last, reached=report if small else None)
 
 
 def converged(solution: Solution) -> Solution:

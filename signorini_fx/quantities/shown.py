@@ -391,11 +391,10 @@ def _areas(summary: Summary) -> Lines:
 def _moment(key: str, summary: Summary) -> Lines:
     """A resultant moment; components that are round-off of those at work count as zero."""
     size = float(np.abs([summary["contact_moment"], summary["friction_moment"]]).max())
-    return (
-        []
-        if on_several_bodies(summary)
-        else [f"{in_brackets(clean(summary[key], size))}, about the origin"]
-    )
+    if on_several_bodies(summary):
+        return []
+    moment = told(summary, key.replace("_", " "), clean(summary[key], size), "moment")
+    return [f"{moment}, about the origin"]
 
 
 def _boundaries(summary: Summary) -> Lines:
@@ -435,12 +434,13 @@ def _rigid_bodies(summary: Summary) -> Lines:
     for body in summary["rigid_bodies"]:
         error = body["gap_error"]
         gap = "" if error is None else f"; gap error {error:.1e}"
+        name = body["boundary"]
+        moved = told(summary, f"displacement of {name}", body["displacement"], "length")
         motions.append(
-            f"{body['boundary']}: displacement {figure(body['displacement'])}, rotation "
-            f"{figure(body['rotation'])} rad{gap}"
+            f"{name}: displacement {moved}; rotation {figure(body['rotation'])} rad{gap}"
         )
         forces.append(
-            f"{body['boundary']}: contact force {figure(body['force'])}, moment "
+            f"{name}: contact force {figure(body['force'])}, moment "
             f"{figure(body['moment'])} about {figure(body['reference'])}"
         )
     return [*motions, *forces]

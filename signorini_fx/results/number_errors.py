@@ -6,9 +6,8 @@ a(e_y, e_z) with the error of the adjoint state z of J (R. Becker and R. Rannach
 it there is what nodes miss of a gap that bends between them, what straight facets miss of an arc,
 and of friction what turns between two nodes.  Where no adjoint state is known, or it would take
 longer than a share of the solve, it is the square of that of the displacement, by J. A. Nitsche's
-argument.  Other numbers are known by what they are made of: the largest pressure by its kink and by
-the recovered stress there, the von Mises stress by its jumps, the contact area by the facets in
-which zones end.
+argument, from which the largest pressure has what its kink does not show.  The von Mises stress is
+known by its jumps, the contact area by the facets in which zones end.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from typing import Any
 import basix
 import numpy as np
 
-from signorini_fx.arrays import Array, matvec, rmatvec
+from signorini_fx.arrays import Array, rmatvec
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.display import point_in_words
-from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.contact_points.contact_table import is_closed
-from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
+from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.quantities.summary import PrintedNumber
@@ -37,7 +36,6 @@ from signorini_fx.results.accuracy.error_estimates import areas, missed_by_point
 from signorini_fx.results.accuracy.pressure_error import chords, growing_rows
 from signorini_fx.results.singularities import ends_on_another, why_no_limit
 from signorini_fx.tuned import (
-    DIGITS_OF_FILES,
     FEW_NODES,
     MARGIN,
     NOTABLE,
@@ -58,7 +56,7 @@ def printed_numbers(solution: Any) -> dict[str, PrintedNumber]:
     """The numbers that are printed of a solution, by their names; collective."""
     found = dict[str, PrintedNumber]()
     if solution.contact is not None and solution.table.touching:
-        found |= _forces(solution)
+        found |= _forces(solution) | _moments(solution) | _motions(solution)
         found["largest pressure"] = _largest_pressure(solution)
         found["contact area"] = _contact_area(solution)
     return found
@@ -90,13 +88,14 @@ def _forces(solution: Any) -> dict[str, PrintedNumber]:
     """
     each = solution.contact.forces_of_each
     contacts = solution.model.contacts
+    rubs = bool(solution.contact.has_friction and solution.table.columns["bound"].any())
     groups = {"": range(len(contacts))}
     if any(effect.against for effect in contacts) and len(contacts) > 1:
         groups = {f" on {effect.boundary}": range(k, k + 1) for k, effect in enumerate(contacts)}
     wanted = [
         _Resultant(f"{kind}{name}", each[parts, number].sum(axis=0) + 0.0, parts, number)
         for name, parts in groups.items()
-        for number, kind in enumerate(("force", "friction")[: 1 + solution.contact.has_friction])
+        for number, kind in enumerate(("force", "friction")[: 1 + rubs])
     ]
     largest = float(np.linalg.norm(each, axis=2).max())
     errors = _errors_of_forces(solution, wanted, largest)
@@ -122,22 +121,86 @@ def _errors_of_forces(
     turning = turning_shear(solution)
     if price is not None and price.force is not None:
         estimate = price.force * float(np.linalg.norm(solution.levels[-1].forces))
-        return [MARGIN * (estimate + one.friction * turning) for one in wanted]
+        return [MARGIN * estimate + one.friction * turning for one in wanted]
     error = solution.mean_error
     if isinstance(error, str):
         return error
     bodies = _dual_weighted(solution, wanted)
     if bodies is None:
-        body = (error**2 + _missed_by_points(solution)) * largest
-        bodies = [body * (not _from_loads(solution, one)) for one in wanted]
+        share = float(np.hypot(error**2, _missed_by_points(solution)))
+        reaches = [_reach(solution, one, largest) for one in wanted]
+        bodies = [
+            share * reach * (not _from_loads(solution, one))
+            for one, reach in zip(wanted, reaches, strict=True)
+        ]
     degree = compat.geometry_degree(solution.model.tagged.mesh)
     angle = float(chords(solution.table, degree)[0].max(initial=0.0))
     loads = force_between_points(solution)
     errors = []
     for one, body in zip(wanted, bodies, strict=True):
         turned = turning * one.friction * (body > ZERO_IN_SOLUTION * largest)
-        errors.append(MARGIN * (body + turned) + loads + angle**2 / 6 * one.size)
+        errors.append(MARGIN * body + turned + loads + angle**2 / 6 * one.size)
     return errors
+
+
+def _reach(solution: Any, one: _Resultant, largest: float) -> float:
+    """The largest force that a resultant may be: friction is at most its bound."""
+    if not one.friction:
+        return largest
+    table = solution.table
+    on = np.isin(table.nodes[:, 0], one.parts)
+    return min(float(table.columns["weight"][on] @ table.columns["bound"][on]), largest)
+
+
+def _moments(solution: Any) -> dict[str, PrintedNumber]:
+    """The moments about the origin in 3D of forces that act on one body."""
+    contact = solution.contact
+    boundary = contact.boundary
+    if solution.table.facets is None or any(one.against for one in solution.model.contacts):
+        return {}
+    price = solved_price(solution)
+    error = solution.mean_error
+    share = None if price is None else price.force
+    if share is None and not isinstance(error, str):
+        share = float(np.hypot(error**2, _missed_by_points(solution)))
+    moments = np.cross(boundary.centre[:, None], contact.forces_at_points)
+    sizes = parallel.global_sum(boundary.comm, np.linalg.norm(moments, axis=2).sum(axis=0))
+    return {
+        name: PrintedNumber(
+            value=[*map(float, moment)],
+            error=None if share is None else float(MARGIN * share * size),
+            why=f"not known: {error}" if share is None else None,
+        )
+        for name, moment, size in zip(
+            ("contact moment", "friction moment"), contact.moments, sizes, strict=True
+        )
+        if size > 0
+    }
+
+
+def _motions(solution: Any) -> dict[str, PrintedNumber]:
+    """The displacements of rigid bodies that forces move.
+
+    That of a single force which is the only load is its work over the force, and the error of the
+    work is the squared one of the displacement of the body in the energy norm.
+    """
+    motions = solution.last_step.rigid_bodies
+    error = solution.mean_error
+    moved = any(
+        value is not None and not is_zero(value)
+        for support in solution.model.held
+        for value in support.components
+    )
+    if len(motions) > 1 or moved or solution.statement.of(ForceDensity):
+        error = "other loads act too"
+    found = {}
+    for motion in motions:
+        stated: dict[str, Any] = {"why": f"not known: {error}"}
+        if not isinstance(error, str):
+            stated = {"error": MARGIN * error**2 * float(np.linalg.norm(motion.translation))}
+        stated["value"] = motion.translation.tolist()
+        found[f"displacement of {motion.body.name}"] = PrintedNumber(**stated)
+    return found
 
 
 def _from_loads(solution: Any, one: _Resultant) -> bool:
@@ -204,7 +267,9 @@ def _missed_by_points(solution: Any) -> float:
     missed = missed_by_points(solution.contact.boundary, table, model.kinematics, displaced)
     work, force = parallel.global_sum(model.comm, np.array([part.sum() for part in missed]))
     pushing = columns["weight"] * columns["pressure"]
-    return float(work / (pushing @ np.abs(columns["u_n"])) + force / pushing.sum())
+    energy = solution.last_step.strain_energy
+    size = pushing @ np.abs(columns["u_n"]) if energy is None else 2 * energy
+    return float(work / size + force / pushing.sum())
 
 
 def solved_price(solution: Any) -> Any:
@@ -340,12 +405,8 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
     if price is not None and price.peak is not None:
         return PrintedNumber(**known, error=MARGIN * price.peak * value)
     kink = _kink(table, row)
-    recovered = _recovered_pressure(solution, row)
-    if recovered is not None:
-        width = max(kink, abs(recovered / value - 1))
-    else:
-        error = solution.mean_error
-        width = MARGIN * kink if isinstance(error, str) else max(kink, error**2)
+    error = solution.mean_error
+    width = MARGIN * kink if isinstance(error, str) else max(kink, error**2)
     if table.touching < _TOO_FEW:
         width = max(width, 1 / (1 + table.touching))
         return PrintedNumber(**known, error=width * value, why=f"{table.touching} nodes in contact")
@@ -409,30 +470,6 @@ def _kink(table: Any, row: int) -> float:
                 inside, next_one = pressure[rows[at + way]], pressure[rows[at + 2 * way]]
                 return float(abs(pressure[row] - 2 * inside + next_one) / pressure[row])
     return 1.0
-
-
-def _recovered_pressure(solution: Any, row: int) -> float | None:
-    """Minus the normal stress of the recovered one at a row of the table; None: there is none;
-    collective.
-    """
-    stress = solution.known_stress
-    if stress is None or not stress.recovers:
-        return None
-    columns = solution.table.columns
-    dim = solution.model.tagged.dimension
-    tensor = stress.recovered.tensor
-    x = node_positions(tensor.function_space)[:, :dim]
-    place = np.array([columns[axis][row] for axis in "xyz"[:dim]])
-    away = np.linalg.norm(x - place, axis=1)
-    # Between vertices, where elements of degree 2 have nodes, the nearest ones.
-    nearest = -parallel.largest(solution.comm, -away, -np.inf)
-    near = away <= nearest * (1 + DIGITS_OF_FILES) + DIGITS_OF_FILES * solution.model.tagged.size
-    normal = np.zeros(3)
-    normal[:dim] = [columns[f"n_{axis}"][row] for axis in "xyz"[:dim]]
-    sigma = tensor.x.array.reshape(-1, 3, 3)[near]
-    sums = np.array([-(matvec(sigma, np.tile(normal, (len(sigma), 1))) @ normal).sum(), near.sum()])
-    pressure, count = parallel.global_sum(solution.comm, sums)
-    return float(pressure / count)
 
 
 def _contact_area(solution: Any) -> PrintedNumber:

@@ -127,6 +127,40 @@ def test_a_reason(changes, why):
         assert number.error > 0.25 * number.value
 
 
+def test_moments_in_space():
+    """They are within their errors, and friction is known better than the force."""
+    sizes = ({"length": 2.0, "nx": 2 * n, "ny": n, "nz": n} for n in (4, 10))
+    coarse, fine = (
+        alone(
+            block(
+                mesh={"generator": "box", "parameters": size},
+                displacement={"boundary": "top", "x": 0.006, "y": 0.0, "z": -0.015},
+            )
+        ).numbers
+        for size in sizes
+    )
+    whole = np.linalg.norm(fine["contact moment"].value)
+    for name in ("contact moment", "friction moment"):
+        off = np.linalg.norm(np.subtract(coarse[name].value, fine[name].value))
+        assert 0 < off <= coarse[name].error < 0.3 * whole, name
+    assert coarse["friction moment"].error < coarse["contact moment"].error
+
+
+def test_the_motion_of_a_rigid_body():
+    """Where a single force presses it its work tells it; beside another load it is not known."""
+    circle = {"shape": "circle", "radius": 1.0, "centre": [1.0, 2.0], "pivot": [1.0, 1.0]}
+    pressed = {
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+        "contact": {"boundary": "top", "foundation": circle | {"force": [0.0, -10.0]}},
+    }
+    pressed["contact"]["friction"] = {"law": "coulomb", "coefficient": 0.3}
+    coarse, fine = (alone(block(n=n, **pressed)).numbers["displacement of top"] for n in (8, 32))
+    off = np.linalg.norm(np.subtract(coarse.value, fine.value))
+    assert off <= coarse.error < 0.5 * np.linalg.norm(fine.value)
+    both = alone(block(n=4, **pressed, traction={"boundary": "right", "x": 1.0}))
+    assert both.numbers["displacement of top"].why == "not known: other loads act too"
+
+
 def test_products_of_errors():
     """They are the squared error of a displacement with itself, and twice that with twice it."""
     solution = alone(block(n=4))

@@ -51,14 +51,14 @@ class ContactState(PointState):
         Between bodies each is on the body that has the contact points, and their sum on none.
         """
         boundary = self.boundary
-        forces = self._forces
+        forces = self.forces_at_points
         count = int(parallel.largest(boundary.comm, boundary.part, -1)) + 1
         sums = np.zeros((count, *forces.shape[1:]))
         np.add.at(sums, boundary.part, forces)
         return parallel.global_sum(boundary.comm, sums)
 
     @property
-    def _forces(self) -> Array:
+    def forces_at_points(self) -> Array:
         """Contact force and friction force on the body at each point, shape (n, 2, d)."""
         boundary = self.boundary
         none_n = np.zeros_like(self.pressure)
@@ -72,7 +72,7 @@ class ContactState(PointState):
         the axis x[1], as others cancel over a revolution; collective.
         """
         boundary = self.boundary
-        about_origin = np.cross(boundary.centre[:, None], self._forces).sum(axis=0)
+        about_origin = np.cross(boundary.centre[:, None], self.forces_at_points).sum(axis=0)
         contact, friction = boundary.kinematics.unbalanced[3:] * parallel.global_sum(
             boundary.comm, about_origin
         )
