@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,6 @@ from signorini_fx.results.singularities import singular_corners, why_no_limit
 from signorini_fx.tuned import (
     DIGITS_OF_FILES,
     FEWEST_KRYLOV_UNKNOWNS,
-    MARGIN,
     NOTABLE,
     SAME_LENGTH,
 )
@@ -177,16 +176,16 @@ class StressFields:
         if field not in ("von_mises", "principal", *COMPONENTS):
             known = f"'von_mises', 'principal' or one of {', '.join(COMPONENTS)}"
             raise ValueError(f"{field!r} is no field with extremes: take {known}")
+        if field == "principal":
+            return self._extreme_of(self._sampled_principal[:, component], sign)
         sampled, *_ = self._samples()
-        if field in COMPONENTS:
-            values = sampled[:, *COMPONENTS[field]]
-        else:
-            values = (
-                von_mises_of(sampled)
-                if field == "von_mises"
-                else principal_of(sampled)[:, component]
-            )
+        values = sampled[:, *COMPONENTS[field]] if field in COMPONENTS else von_mises_of(sampled)
         return self._extreme_of(values, sign)
+
+    @cached_property
+    def _sampled_principal(self) -> Array:
+        """The principal stresses where extremes are sought, shape (n, 3)."""
+        return principal_of(self._samples()[0])
 
     def _samples(self) -> tuple[Array, Array, Callable[[int], Any]]:
         """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number
@@ -463,7 +462,7 @@ class RawStresses(StressFields):
             off.append(raw.value + parallel.largest(self.comm, -there[same], -np.inf))
             around = values[nodes[np.unique(cell[same])]]
             mean = parallel.global_sum(self.comm, np.array([around.sum(), around.size]))
-        return float(MARGIN * max(*off, abs(raw.value - mean[0] / max(mean[1], 1.0))))
+        return float(max(*off, abs(raw.value - mean[0] / max(mean[1], 1.0))))
 
     def utilisation(self) -> dict[str, Any] | None:
         """The largest share of the yield stress, of raw and recovered stress the one that uses
@@ -486,6 +485,11 @@ class RawStresses(StressFields):
         )
         return self._told(largest)
 
+    @cached_property
+    def _why_no_limit(self) -> Callable[[tuple[float, ...]], str | None]:
+        """Why there is no limit at a place; several extremes may be there."""
+        return cache(partial(why_no_limit, self.mechanics.model))
+
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
         """An extreme, with the part of several, and of a linear body why there is no limit;
         JSON-safe; collective.
@@ -496,7 +500,7 @@ class RawStresses(StressFields):
         if len(regions) > 1:
             told["region"] = part_of(model, extreme.cell, regions)
         if finite and self.recovers and model.materials:
-            told["no_limit"] = why_no_limit(model, extreme.place)
+            told["no_limit"] = self._why_no_limit(extreme.place)
         return told
 
 

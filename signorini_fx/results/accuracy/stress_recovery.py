@@ -80,6 +80,9 @@ class StressRecovery:
         self._parts = stress.parts
         self._move_to, unbalanced = residual(cellwise)
         self._residual = None if unbalanced is None else compile_form(unbalanced)
+        # The last displacement and place, and its projected stress in each material.
+        self._last: tuple[Array, float] | None = None
+        self._projected = list[Array]()
 
     @classmethod
     def of(cls, model: Model) -> StressRecovery:
@@ -137,11 +140,10 @@ class StressRecovery:
 
     def squares(self, y: fem.Function, step: float = 0) -> Array:
         """Return the squared error of each owned cell, shape (cells,); collective."""
-        self._fill(y, step)
         total: Array = np.zeros(1)
-        for cells in self._parts:
+        for cells, projected in zip(self._parts, self._of_all_parts(y, step), strict=True):
             self._choose(cells)
-            self._project(self._projection())
+            self._recovered.x.array[:] = projected
             total = total + assemble(self._squares)
         if self._residual is not None:
             self._move_to(step)
@@ -164,12 +166,9 @@ class StressRecovery:
             moved_y.x.array[:] = y.x.array + sign * steps[number] * others[number].x.array
             self._fill(moved_y, step)
 
-        for cells in self._parts:
+        for cells, kept in zip(self._parts, self._of_all_parts(y, step), strict=True):
             self._choose(cells)
             ksp = self._projection()
-            self._fill(y, step)
-            self._project(ksp)
-            kept = self._recovered.x.array.copy()
             for number in range(len(others)):
                 moved(number, 1.0)
                 self._project(ksp)
@@ -193,19 +192,28 @@ class StressRecovery:
         included, shape (m,), and at their vertices ``ElementStress.components``, shape (m,
         vertices, components); collective.
         """
+        nodes = self._recovered.function_space.dofmap.list
+        return [
+            (cells, projected.reshape(-1, self._components)[nodes[cells]])
+            for cells, projected in zip(self._parts, self._of_all_parts(y, step), strict=True)
+        ]
+
+    def _of_all_parts(self, y: fem.Function, step: float) -> list[Array]:
+        """The projected stress of a displacement in each material, at all unknowns of the
+        projection; that of the last one is kept; collective.
+        """
         self._fill(y, step)
-        space = self._recovered.function_space
-        stresses = []
-        for cells in self._parts:
-            self._choose(cells)
-            self._project(self._projection())
-            stresses.append(
-                (
-                    cells,
-                    self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]],
-                )
-            )
-        return stresses
+        now = np.concatenate([one.x.array for one in fields_of(self._displacement)])
+        last, place = self._last or (None, step)
+        same = last is not None and place == step and np.array_equal(last, now)
+        if parallel.any_rank(self._comm, not same):
+            self._last = now, step
+            self._projected = []
+            for cells in self._parts:
+                self._choose(cells)
+                self._project(self._projection())
+                self._projected.append(self._recovered.x.array.copy())
+        return self._projected
 
     def _fill(self, y: fem.Function, step: float) -> None:
         for function, given in zip(fields_of(self._displacement), fields_of(y), strict=True):
