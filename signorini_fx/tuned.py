@@ -141,7 +141,8 @@ LEAST_GROWING_TIME = 0.25
 # The forecast of what a smaller error costs is for this share of the error.  Choice.
 NEXT_ERROR = {2: 0.1, 3: 1 / 3}
 # The error of the stress decreases like h to this power where all cells become smaller.
-# Source: docs/evidence/forecasts.csv: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
+# Source: docs/evidence/forecasts.csv at 05d7b176: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72
+# to 1.04.
 UNIFORM_RATE = 0.8
 # A solve takes as long as if it had so many unknowns more, by dimension.  Tuned like the next three
 # on 46 runs of 36 problems of demos/studies/forecast_problems.py (f2e60129).
@@ -152,9 +153,9 @@ FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
 FIRST_UNKNOWNS, LOCAL_GROWTH = 300.0, 1.7
 LAST_UNKNOWNS = {2: 14.0, 3: 38.0}
 # Meshes on the way take this many times as long as their solves.  Tuned on the problems of
-# docs/evidence/forecasts.csv.
+# docs/evidence/forecasts.csv at 05d7b176.
 MESHES_TIMES = 1.8
-# Seconds foretold are known within these factors, in 3D within the second one: see
+# Seconds foretold are known within these factors, the first where cells are divided in 2D: see
 # docs/evidence/forecasts.csv.
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.1
 # --- solution to a given accuracy -----------------------------------------------------------------

@@ -106,18 +106,19 @@ def next_refinement(
         meshes = _divided(statement, dimension, dofs)
         fixed = FIXED_UNKNOWNS[2]
         degree = 2
-        spread = LOCAL_SPREAD if dimension == 2 else UNIFORM_SPREAD
     else:
         times = NEXT_ERROR[dimension]
         first = dofs
         fixed = FIXED_UNKNOWNS[dimension]
-        spread = UNIFORM_SPREAD
         if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
             # as in ``_divided``
             times = 2 * times
             degree = 2
             first = 4 * dofs
         meshes = [first * times ** (-dimension / UNIFORM_RATE)]
+    # How many iterations a nonlinear body takes is known less.
+    regular = local and dimension == 2 and not statement.nonlinear
+    spread = LOCAL_SPREAD if regular else UNIFORM_SPREAD
     # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of
     # 12 problems in 2D.
     metal = any(
