@@ -491,7 +491,8 @@ def _stress(summary: Summary) -> Lines:
     used = "" if share is None else f", {share_in_words(summary, 'yield')}"
     error = None if largest.get("no_limit") else largest.get("error")
     value = with_unit(with_error(largest["value"], error), "stress")
-    text = f"von Mises {value}{used}, {_place(largest)}{_no_limit(largest)}"
+    unknown = ", error not known" * (error is None and not largest.get("no_limit"))
+    text = f"von Mises {value}{unknown}{used}, {_place(largest)}{_no_limit(largest)}"
     return [row("stress", text, "" if share is None or share <= 1 else "warning")]
 
 

@@ -19,16 +19,16 @@ from typing import Any
 import basix
 import numpy as np
 
-from signorini_fx.arrays import Array, rmatvec
+from signorini_fx.arrays import Array, Ints, rmatvec
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
-from signorini_fx.mechanics.contact_points.contact_table import is_closed
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.features import refused_by
-from signorini_fx.quantities.summary import PrintedNumber
+from signorini_fx.quantities.summary import Price, PrintedNumber
 from signorini_fx.results.accuracy.adjoint import REFUSES, Adjoint, TransposedTangent, law_at
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.convergence_table import border_of
@@ -127,11 +127,10 @@ def _errors_of_forces(
         return error
     bodies = _dual_weighted(solution, wanted)
     if bodies is None:
-        share = float(np.hypot(error**2, _missed_by_points(solution)))
-        reaches = [_reach(solution, one, largest) for one in wanted]
+        share = _share(solution, error)
         bodies = [
-            share * reach * (not _from_loads(solution, one))
-            for one, reach in zip(wanted, reaches, strict=True)
+            share * (not _from_loads(solution, one)) * _reach(solution, one, largest)
+            for one in wanted
         ]
     degree = compat.geometry_degree(solution.model.tagged.mesh)
     angle = float(chords(solution.table, degree)[0].max(initial=0.0))
@@ -143,13 +142,22 @@ def _errors_of_forces(
     return errors
 
 
+def _share(solution: Any, error: float) -> float:
+    """The relative error of forces, from that of the displacement."""
+    return float(np.hypot(error**2, _missed_by_points(solution)))
+
+
 def _reach(solution: Any, one: _Resultant, largest: float) -> float:
     """The largest force that a resultant may be: friction is at most its bound."""
-    if not one.friction:
-        return largest
-    table = solution.table
-    on = np.isin(table.nodes[:, 0], one.parts)
-    return min(float(table.columns["weight"][on] @ table.columns["bound"][on]), largest)
+    on = np.isin(solution.table.nodes[:, 0], one.parts).astype(np.float64)
+    return _bounded(solution.table, on, largest) if one.friction else largest
+
+
+def _bounded(table: ContactTable, arms: Array, size: float) -> float:
+    """The largest sum of friction forces, times their ``arms``, shape (n,), or the ``size`` of
+    other forces if it is smaller.
+    """
+    return float(np.fmin(table.columns["weight"] * arms @ table.columns["bound"], size))
 
 
 def _moments(solution: Any) -> dict[str, PrintedNumber]:
@@ -158,13 +166,15 @@ def _moments(solution: Any) -> dict[str, PrintedNumber]:
     boundary = contact.boundary
     if solution.table.facets is None or any(one.against for one in solution.model.contacts):
         return {}
-    price = solved_price(solution)
     error = solution.mean_error
-    share = None if price is None else price.force
+    share = getattr(solved_price(solution), "force", None)
     if share is None and not isinstance(error, str):
-        share = float(np.hypot(error**2, _missed_by_points(solution)))
+        share = _share(solution, error)
     moments = np.cross(boundary.centre[:, None], contact.forces_at_points)
-    sizes = parallel.global_sum(boundary.comm, np.linalg.norm(moments, axis=2).sum(axis=0))
+    size, friction = parallel.global_sum(boundary.comm, np.linalg.norm(moments, axis=2).sum(axis=0))
+    if friction > 0:
+        arms = np.linalg.norm(places(solution.table), axis=1)
+        friction = _bounded(solution.table, arms, size)
     return {
         name: PrintedNumber(
             value=[*map(float, moment)],
@@ -172,7 +182,7 @@ def _moments(solution: Any) -> dict[str, PrintedNumber]:
             why=f"not known: {error}" if share is None else None,
         )
         for name, moment, size in zip(
-            ("contact moment", "friction moment"), contact.moments, sizes, strict=True
+            ("contact moment", "friction moment"), contact.moments, (size, friction), strict=True
         )
         if size > 0
     }
@@ -186,12 +196,9 @@ def _motions(solution: Any) -> dict[str, PrintedNumber]:
     """
     motions = solution.last_step.rigid_bodies
     error = solution.mean_error
-    moved = any(
-        value is not None and not is_zero(value)
-        for support in solution.model.held
-        for value in support.components
-    )
-    if len(motions) > 1 or moved or solution.statement.of(ForceDensity):
+    given = [value for support in solution.model.held for value in support.components]
+    still = is_zero(*(value for value in given if value is not None))
+    if len(motions) > 1 or not still or solution.statement.of(ForceDensity):
         error = "other loads act too"
     found = {}
     for motion in motions:
@@ -272,7 +279,7 @@ def _missed_by_points(solution: Any) -> float:
     return float(work / size + force / pushing.sum())
 
 
-def solved_price(solution: Any) -> Any:
+def solved_price(solution: Any) -> Price | None:
     """The last mesh of a convergence table; None: there is none."""
     prices = [price for price in solution.convergence_table if not price.predicted]
     return prices[-1] if prices else None
@@ -339,7 +346,7 @@ def turning_shear(solution: Any) -> float:
     return total
 
 
-def _around(solution: Any, rows: Any) -> Array:
+def _around(solution: Any, rows: Ints) -> Array:
     """The factor of lengths between nodes, see ``Kinematics.measure``, shape (rows - 1,)."""
     x = places(solution.table)[rows]
     measure = solution.model.kinematics.measure_at((x[1:] + x[:-1]).T / 2)
@@ -449,7 +456,7 @@ def _near_a_corner(solution: Any) -> str:
     return ""
 
 
-def _kink(table: Any, row: int) -> float:
+def _kink(table: ContactTable, row: int) -> float:
     """Return by how much the pressure at a row differs from its neighbours' mean, relative; at an
     end by how much it bends.
     """

@@ -401,7 +401,8 @@ class RawStresses(StressFields):
             {name: self._told(entry, finite=finite) for name, entry in extremes.items()}
             for extremes in (raw, recovered)
         )
-        if recovered_rows:
+        # Of forms nobody says where it has no limit.
+        if recovered_rows and self.mechanics.model.materials:
             error = self._error_of_largest(raw["von_mises"], recovered["von_mises"])
             largest = rows["von_mises"], recovered_rows["von_mises"]
             for row in largest:
