@@ -423,7 +423,7 @@ class RawStresses(StressFields):
         """
         model: Model = self.mechanics.model
         dim = model.tagged.dimension
-        if dim == 3 and model.dofs > FEWEST_KRYLOV_UNKNOWNS:
+        if not largest > 0 or (dim == 3 and model.dofs > FEWEST_KRYLOV_UNKNOWNS):
             return None
         x = node_positions(self.tensor.function_space)[:, :dim]
         places = cKDTree(x)

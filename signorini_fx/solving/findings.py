@@ -747,8 +747,8 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
 
 
 def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str) -> Finding | None:
-    """Return which bodies move away under the loads at a place on the path, or lie loose where
-    contact opens without a load that opens it, named by ``when``; None: it is not known.
+    """Return which bodies move away under the loads at a place on the path, or lie loose because
+    nothing presses on them, named by ``when``; None: it is not known.
     """
     moves = {Status.OPEN, Status.TIPS, Status.SLIDES, Status.NOT_HELD}
     if outcome.status not in moves:
@@ -757,9 +757,8 @@ def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str
     for found in equilibrium(body, [place]):
         if found.level == "warning" and found.message.startswith(ends):
             return replace(found, message=when + found.message)
-    if outcome.status is Status.NOT_HELD:
-        return _hardly_held(body, task, when)
-    if outcome.status is not Status.OPEN:
+    held = outcome.status is not Status.NOT_HELD
+    if held and outcome.status is not Status.OPEN:
         return None
     loose = task.idle
     if len(loose) < len(task.motions.assemblies):  # what a load moves away lies beside them
@@ -767,12 +766,12 @@ def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str
             loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1))
         )
     if not loose:
-        return None
+        return None if held else _hardly_held(body, task, when)
     message = (
         f"{when}nothing presses on {_named(body, loose)}, so that its position is not unique: "
         "press it on, or prescribe a displacement"
     )
-    return Finding("warning", body.forces_at, message)
+    return Finding("warning", body.forces_at if held else "displacement", message)
 
 
 def _hardly_held(body: Model, task: Task, when: str) -> Finding:

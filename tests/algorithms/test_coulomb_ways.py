@@ -172,7 +172,7 @@ def test_friction_without_pressure():
         }
     )
     solution = alone(scene, check=False)
-    assert solution.status is Status.OPEN
+    assert solution.status is Status.NOT_HELD
     assert "nothing presses on the body" in solution.advice
 
 

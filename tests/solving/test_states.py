@@ -304,8 +304,10 @@ def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
 
 @pytest.mark.mpi
 def test_a_solve_goes_on_from_a_state():
-    """The steps after a state are those of one run, bit by bit; on three ranks and more two equal
-    runs differ by round-off.
+    """The steps after a state are those of one run, on one rank bit by bit.
+
+    On several ranks MUMPS adds what ranks send each other in the order in which it arrives: of 60
+    equal solves of one matrix with one right side 2 to 6 solutions differ in their last digits.
     """
     given = scene(PUSHED)
     whole = solve(given, effects=[Counted()])
@@ -319,7 +321,7 @@ def test_a_solve_goes_on_from_a_state():
     assert rest.state.number == whole.state.number == 6
     for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
         u, expected = (one.displacement.x.array for one in (ours, theirs))
-        digits = 0.0 if MPI.COMM_WORLD.size < 3 else 1e-14
+        digits = 0.0 if MPI.COMM_WORLD.size == 1 else 1e-13
         assert u == pytest.approx(expected, rel=0.0, abs=digits * np.abs(expected).max())
         assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
     for name, field in whole.state.fields.items():

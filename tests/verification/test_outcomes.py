@@ -11,6 +11,7 @@ from scenes import PATCH, alone, example1
 
 from signorini_fx.mechanics.effects.loads import Traction
 from signorini_fx.records import Status
+from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.reading import parse_scene
@@ -135,8 +136,31 @@ def test_squeezed(gap, algorithm):
 def test_nothing_presses(gap):
     """Where the block has room, or touches without interference, nothing presses it on."""
     solution = outcome(fitted(gap, LEFT))
-    assert solution.status is Status.OPEN
+    assert solution.status is Status.NOT_HELD
     assert "nothing presses on the body" in solution.advice
+
+
+@pytest.mark.parametrize("friction", [{"law": "none"}, coulomb_friction(0.3)])
+def test_a_heated_block_that_nothing_presses(friction, tmp_path):
+    """It widens without a force.  Where it lies is not told by one load step, whose results are
+    written all the same; of two it stays where it was.
+    """
+    scene = {
+        "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
+        "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1e-3},
+        "displacement": LEFT,
+        "contact": {"boundary": "bottom", "friction": friction},
+    }
+    once = outcome(parse_scene(scene | {"temperature": {"change": 10.0}}))
+    assert once.status is Status.NOT_HELD
+    assert "nothing presses on the body" in once.advice
+    write_results(once, tmp_path)
+    heat = {"change": 10.0, "factors": [1.0, 1.0]}
+    twice = outcome(parse_scene(scene | {"temperature": heat}))
+    assert twice.converged
+    u = twice.displacement
+    moved = 0.01 * 1.3 * u.function_space.tabulate_dof_coordinates()[:, :2]  # of plane strain
+    np.testing.assert_allclose(u.x.array.reshape(-1, 2), moved, atol=1e-7)
 
 
 @pytest.mark.one_quick("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
@@ -173,7 +197,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
             }
         )
         solution = outcome(scene)
-        assert (solution.status, solution.history.linear_solves) == (Status.OPEN, 0)
+        assert (solution.status, solution.history.linear_solves) == (Status.NOT_HELD, 0)
         assert "nothing presses on the body" in solution.advice
 
 
@@ -205,7 +229,9 @@ def test_strains_that_press(gap, algorithm, friction):
 
 
 @pytest.mark.one_quick("algorithm", ["ssn", "alm", "path-following"])
-@pytest.mark.parametrize(("pressure", "status"), [(10.0, Status.CONVERGED), (-10.0, Status.OPEN)])
+@pytest.mark.parametrize(
+    ("pressure", "status"), [(10.0, Status.CONVERGED), (-10.0, Status.NOT_HELD)]
+)
 def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
     """Both ends rest on rollers and nothing is pushed along them: friction holds the beam if it
     bends down, not up.

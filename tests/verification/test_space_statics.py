@@ -106,7 +106,7 @@ def torque_of(solution):
     [
         ({}, PRESS, Status.NOT_HELD),
         ({"coefficient": 0.3}, -PRESS, Status.OPEN),
-        ({"coefficient": 0.3}, 0.0, Status.OPEN),
+        ({"coefficient": 0.3}, 0.0, Status.NOT_HELD),
         ({"bound": 3.0}, PRESS, Status.CONVERGED),
     ],
 )

@@ -102,19 +102,18 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
     waits = start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
     if lost is not None:
-        outcome = _without_contact(task, start.data, lost.status)
-        if not (waits and lost.assembly in task.idle):
-            return outcome
-    else:
-        with task.history.at_most(
-            step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget
+        idle = lost.status is Status.OPEN and lost.assembly in task.idle  # no load lifts it off
+        outcome = _without_contact(task, start.data, Status.NOT_HELD if idle else lost.status)
+        return _left_loose(task, start, begin, outcome, waits=True) if waits and idle else outcome
+    with task.history.at_most(
+        step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget
+    ):
+        outcome = _solve(task, start)
+        if (
+            outcome.status is not Status.CONVERGED
+            and task.history.linear_solves >= task.history.limit
         ):
-            outcome = _solve(task, start)
-            if (
-                outcome.status is not Status.CONVERGED
-                and task.history.linear_solves >= task.history.limit
-            ):
-                task.history.add("the limit of linear solves of all methods is reached")
+            task.history.add("the limit of linear solves of all methods is reached")
     loose = outcome.status not in _EXPLAINED and task.idle
     return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
 
@@ -132,14 +131,15 @@ def _left_loose(
         loose = _near_the_last_place(task, start)
     if loose is None:
         newton.restore(ended)
-        return failed
+        driven = failed.status is not Status.OPEN or len(task.idle) < len(task.motions.assemblies)
+        return failed if driven else replace(failed, status=Status.NOT_HELD)
     if waits or newton.multipliers()[0].any():
         return loose
     task.history.add(
         f"{failed.status.value}: nothing presses on a body, which can move without touching "
         "anything"
     )
-    return replace(loose, status=Status.OPEN)
+    return replace(loose, status=Status.NOT_HELD)
 
 
 def _near_the_last_place(task: Task, start: Start) -> Outcome | None:

@@ -906,7 +906,7 @@ class NonlinearBody(BodyOfForms):
         try:
             solved = self._solved(iterate)
             status = solved.status
-            opens = status is Status.OPEN and bool(solved.linear.task.idle)
+            opens = status in (Status.OPEN, Status.NOT_HELD) and bool(solved.linear.task.idle)
             if (opens or status in _WITHOUT_SETS) and self._curved(iterate.bent):
                 # What nothing presses on any more has no tractions that turn.
                 curvature = NodalStiffness.none(self.places.shape[1])

@@ -349,10 +349,9 @@ class EquilibriumSolver:
         body itself.
         """
         inner = solved.status
-        if inner is Status.NOT_HELD:
-            return Verdict(inner)
-        if inner is Status.OPEN and solved.loose:
-            return Verdict(inner, "nothing presses on the body, and the supports do not hold it")
+        if inner is Status.NOT_HELD or (inner is Status.OPEN and solved.loose):
+            loose = "nothing presses on the body, and the supports do not hold it"
+            return Verdict(inner, loose if solved.loose else "")
         if inner in OF_LINEAR_BODIES:
             if not leads(self.body, self.body.at.x.array.copy()):
                 return Verdict(Status.NOT_SOLVED)
