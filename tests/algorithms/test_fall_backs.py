@@ -112,6 +112,36 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
     assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
 
 
+@pytest.mark.parametrize(
+    ("mesh", "loads", "slips"),
+    [
+        ({"length": 2.38, "nx": 4, "ny": 4}, [("left", -1.71, -3.11), ("body", 0.0, -1.0)], 1),
+        (
+            {"length": 1.18, "nx": 4, "ny": 7, "cell": "triangle"},
+            [("left", -0.282, -0.674), ("right", -1.02, -0.797)],
+            2,
+        ),
+    ],
+)
+def test_a_corner_that_neither_opens_nor_sticks(mesh, loads, slips):
+    """With F = 10 it enters the foundation if it is open, and is pulled if it sticks: sets without
+    slip cycle.  Of all 4^5 states one is a solution, in which such points slip.
+    """
+    tractions = [{"boundary": at, "x": x, "y": y} for at, x, y in loads if at != "body"]
+    weight = {"body_force": {"y": loads[-1][2]}} if loads[-1][0] == "body" else {}
+    scene = {
+        "mesh": rectangle_mesh(height=1.0, **mesh),
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "traction": tractions,
+        "contact": {"boundary": "bottom", "friction": coulomb_friction(10.0)},
+    }
+    solution = alone(parse_scene(scene | weight))
+    pressure, shear = (solution.table.columns[name] for name in ("pressure", "shear"))
+    assert (pressure > 0).all()
+    assert np.count_nonzero(np.isclose(np.abs(shear), 10 * pressure)) == slips
+    assert solution.history.linear_solves <= 20
+
+
 def test_a_fall_back_begins_where_the_first_method_began():
     """It takes as many solves as where it is tried first; the body is held by friction alone, hence
     begins in stick.

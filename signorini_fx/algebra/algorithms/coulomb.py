@@ -12,11 +12,11 @@ import numpy as np
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance, reactions
 from signorini_fx.algebra.regularised import RegularisedProblem
-from signorini_fx.arrays import Flags
+from signorini_fx.arrays import Flags, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import AUTOMATIC_GAMMA, CERTIFICATE_TOLERANCE, CONTINUATION_SHARE
@@ -115,13 +115,30 @@ def coulomb_newton(
     coupled = replace(data, bound=without_pressure, follows=law)
     newton = task.unsymmetric_newton
     if not augmented:
-        return newton.solve(coupled, first_sets)
+        status = newton.solve(coupled, first_sets)
+        return newton.solve(coupled, _slipping(newton)) if status is Status.CYCLING else status
     from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 
     max_outer = task.settings.max_outer_iterations
     return augmented_lagrangian(
         augmentation_on(task, newton), coupled, first_sets, max_outer=max_outer
     )
+
+
+def _slipping(newton: SemismoothNewton) -> ActiveSets:
+    """The sets of a cycle, in which the points that change begin in slip: where friction is large
+    a point that closes enters the foundation if it is open, is pulled if it sticks, and slips in
+    the solution.
+    """
+    problem = newton.problem
+    sets, following = problem.sets, problem.next.sets
+    changing = sets.changed(following)
+    _, u_t = problem.system.contact.traces(newton.x)
+    along = unit(slip_of(u_t, problem.data))
+    for either in (sets, following):
+        along = np.where(either.slip[:, None], either.direction, along)
+    direction = np.where(changing[:, None], along, sets.direction)
+    return ActiveSets.of(sets.contact | changing, direction)
 
 
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
