@@ -247,9 +247,10 @@ class SolutionOnMesh:
         if state is not None:
             boundary = state.boundary
             ours = Tractions.of(state)
-            spread = sp.csr_array(
-                self.points_of_contact.T @ sp.diags_array(np.repeat(boundary.weight, v.shape[1]))
-            )
+            # What supports take of a point's own node is not told by the forces on the other side.
+            own = self.held.ravel()[self.points_of_contact.argmax(axis=1)]
+            weight = np.where(own, 0.0, np.repeat(boundary.weight, v.shape[1]))
+            spread = sp.csr_array(self.points_of_contact.T @ sp.diags_array(weight))
             change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
             left = left - spread @ change
             change = change.reshape(-1, v.shape[1])
