@@ -1,18 +1,29 @@
-"""The types of numpy arrays, by their entries; lengths and products of their rows, and
+"""The types of numpy arrays, by their entries, and of values; lengths and products of rows, and
 sides of polygons.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    import ufl.core.expr
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int32]  # local numbers of nodes, cells and facets, as dolfinx has them
 Ints = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.signedinteger]  # local or global
+Column = npt.NDArray[Any]  # of a table, numbers or text
+# A field in UFL, such as a Function or a Constant, and one in UFL or by its values at points.
+Expr: TypeAlias = "ufl.core.expr.Expr"
+FieldValue: TypeAlias = "Expr | Array"
+# A number, a function of points of shape (3, n), such as an ``Expression``, or UFL.
+Value: TypeAlias = "float | Callable[[Array], npt.ArrayLike] | Expr"
 
 
 def length(vectors: Array) -> Array:

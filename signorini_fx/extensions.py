@@ -13,7 +13,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from signorini_fx.errors import InstallationError, MissingPackageError
 
@@ -45,6 +45,8 @@ _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
 # What has to know of each name that a program registers in a group.
 _listeners: dict[str, list[Callable[[str], None]]] = {}
+
+_Base = TypeVar("_Base")
 
 
 def register(group: str, name: str, extension: Any) -> None:
@@ -91,7 +93,7 @@ def load(group: str, name: str) -> Any:
         ) from error
 
 
-def load_class(group: str, name: str, base: type) -> type:
+def load_class(group: str, name: str, base: type[_Base]) -> type[_Base]:
     """The class of a name in ``names_of``, which must have a base class of this package; else
     InstallationError.
     """

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
 import mpi4py.MPI  # noqa: F401
@@ -227,7 +226,7 @@ class RegularisedProblem:
         self.system.contact.add_forces(pressure, shear, f)
 
     def assemble_jacobian(
-        self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None
+        self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat | None = None
     ) -> None:
         """The Jacobian with the sets of the last residual, which become the current ones."""
         self.sets = self.next.sets

@@ -347,7 +347,11 @@ def facets_of(
     exterior = np.zeros(facet_map.size_local, dtype=bool)
     exterior[outer] = True
     listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
-    listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
+    listed += [
+        (f"contact[{k}].against", entry.against)
+        for k, entry in enumerate(contact)
+        if entry.against is not None
+    ]
     problems = []
     marks = [la.vector(facet_map, 1, dtype=np.int32) for _ in listed]
     for (name, selection), mark in zip(listed, marks, strict=True):

@@ -470,6 +470,7 @@ def solve_now(solver: FormSolver) -> str:
             sets, multipliers = carry_over(solver.coarser_state, solver.boundary)
             guess = guess_of(sets, multipliers, solver.boundary, solver.begin)
         new, report = step(solver, solver.begin, float(number), guess=guess)
+        assert isinstance(report, Report)  # as of all linear bodies
         solver.show_step(new, report)
     status = report.status
     if status is Status.CONVERGED:

@@ -8,12 +8,22 @@ contact points. Bolts, for which a load step finds shortenings, are in ``solving
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
+import numpy.typing as npt
+
+from signorini_fx.arrays import Array, Expr, Indices, Value
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.effect import ContactPart
+from signorini_fx.mechanics.statement.rigid_shape import SignedDistance
 
+if TYPE_CHECKING:
+    from dolfinx.mesh import MeshTags
+
+# Local numbers of exterior facets, or mesh tags with one tag of them, or several.
+Facets: TypeAlias = "Sequence[int] | Indices | tuple[MeshTags, int | Sequence[int]]"
 Kind = Literal["unilateral", "bilateral", "bonded"]
 
 
@@ -73,13 +83,13 @@ class Foundation(_OfKind):
         8 0.3
     """
 
-    facets: Any
-    gap: Any = 0.0
-    direction: Any = None
+    facets: Facets
+    gap: Value = 0.0
+    direction: Sequence[float] | Callable[[Array], npt.ArrayLike] | Expr | None = None
     friction: FrictionLaw | None = None
     kind: Kind = "unilateral"
-    measure: Any = None
-    shape: Any = None
+    measure: Expr | None = None
+    shape: SignedDistance | Mapping[str, Any] | None = None
     wear: ContactPart | None = None
     cohesion: ContactPart | None = None
     against: ClassVar[None] = None
@@ -133,16 +143,16 @@ class Pair(_OfKind):
         0.3
     """
 
-    facets: Any
-    against: Any
-    gap: Any = 0.0
+    facets: Facets
+    against: Facets
+    gap: Value = 0.0
     distance: Literal["geometry", "nominal"] = "geometry"
     friction: FrictionLaw | None = None
     kind: Kind = "unilateral"
     reach: float | None = None
     sliding: Literal["finite", "small"] = "finite"
     adjust: float | None = None
-    measure: Any = None
+    measure: Expr | None = None
     wear: ContactPart | None = None
     cohesion: ContactPart | None = None
     shape: ClassVar[None] = None
@@ -161,11 +171,10 @@ class Pair(_OfKind):
 
 class PlacedShape(NamedTuple):
     """The shape of a foundation where it is: the place in the input that names it, the number of
-    the contact, the shape, None: there is none, and what is added to its distance, a number or an
-    expression.
+    the contact, the shape, and what is added to its distance, a number or an expression.
     """
 
     path: str
     contact: int
-    shape: Any
-    added: Any
+    shape: SignedDistance
+    added: Value

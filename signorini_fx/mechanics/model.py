@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 import numpy as np
@@ -34,7 +34,7 @@ from signorini_fx.algebra.linalg import (
 )
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.schur import SchurComplement
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Expr, Flags
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
@@ -65,6 +65,8 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
     from signorini_fx.mechanics.effects.displacement import Displacement
+    from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
+    from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
     from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
     from signorini_fx.mechanics.loads.supports import Conditions
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -114,9 +116,9 @@ class Model:
     compressible: bool = (
         True  # whether the material is far enough from incompressible for multigrid
     )
-    elastic: Any = None  # the ``SceneLaw`` that ``terms`` are of; None: forms of a user's own
+    elastic: SceneLaw | None = None  # of which ``terms`` are; None: forms of a user's own
     # Gives mass per volume of the mesh as UFL, or the form of the mass; None: it is not known.
-    density: Callable[[], Any] | None = None
+    density: Callable[[], Expr] | None = None
     beside: NodalStiffness | None = None  # what a(., .) has beside ``terms``; None: nothing
     # Forces of the k unknowns of rigid bodies at the contact points, and on these themselves,
     # beside a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None:
@@ -376,9 +378,16 @@ class Model:
         )
 
     @property
-    def mixed(self) -> Any:
+    def scene_law(self) -> SceneLaw:
+        """Return the law of the materials of a scene."""
+        assert self.elastic is not None
+        return self.elastic
+
+    @property
+    def mixed(self) -> MixedLaw | None:
         """The law with a pressure as an unknown; None: there is none."""
-        return self.elastic if self.elastic is not None and self.elastic.pressed else None
+        law = self.elastic if self.elastic is not None and self.elastic.pressed else None
+        return cast("MixedLaw | None", law)  # which only a mixed element imports
 
     @property
     def _rigid(self) -> int:
@@ -644,7 +653,7 @@ class Model:
         return result
 
     @property
-    def scales(self) -> Scales:
+    def scales(self) -> Scales[float]:
         """Return the scales that lengths and stresses are compared with."""
         tagged = self.tagged
         return Scales(

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 from zipfile import BadZipFile
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -20,12 +20,15 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Flags, Indices
+from signorini_fx.arrays import Array, Flags, Indices, Integers, Ints
 from signorini_fx.errors import SceneError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.tuned import SAME_LENGTH
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 _FORMAT = 13
 _OF_POINTS = ("normal", "pressure", "shear", "elastic", "contact", "direction", "turning")
@@ -38,7 +41,7 @@ class HasPoints(Protocol):
         """The contact points of this rank, and the space of displacements; collective."""
 
 
-def _frozen(record: Any) -> None:
+def _frozen(record: DataclassInstance) -> None:
     """Let nobody write into the arrays of a record."""
     for entry in fields(record):
         values = getattr(record, entry.name)
@@ -138,7 +141,7 @@ class State:
     def __post_init__(self) -> None:
         _frozen(self)
 
-    def with_field(self, name: str, at: str, values: Any) -> Self:
+    def with_field(self, name: str, at: str, values: npt.ArrayLike) -> Self:
         """Return the same with values of an effect or a user, see ``Field``.
 
         Raises:
@@ -146,14 +149,15 @@ class State:
         """
         points = 0 if self.contact is None else self.contact.nodes.size
         counts = {"dofs": self.displacement.size, "points": points, "nodes": None, "cells": None}
+        rows = np.array(values, dtype=float)
         wrong = ""
         if at not in (*counts, "global"):
             wrong = f"must be at one of {', '.join((*counts, 'global'))}, not at {at!r}"
-        elif counts.get(at) is not None and len(values) != counts[at]:
-            wrong = f"has {len(values)} rows, and there are {counts[at]} {at} on this rank"
+        elif counts.get(at) is not None and len(rows) != counts[at]:
+            wrong = f"has {len(rows)} rows, and there are {counts[at]} {at} on this rank"
         if wrong:
             raise SceneError.at(f"field {name!r}", wrong)
-        return replace(self, fields={**self.fields, name: Field(at, np.array(values, dtype=float))})
+        return replace(self, fields={**self.fields, name: Field(at, rows)})
 
     def save(self, path: str | Path, problem: HasPoints) -> None:
         """Write it to a file, for any number of ranks; collective.
@@ -269,7 +273,7 @@ class State:
         displacement = _of_cells(space, table["displacement"])
         kinds = described["fields"]
         contact = None
-        taken = np.arange(0)
+        taken: Ints = np.arange(0)
         if boundary is not None and len(table["x"]):
             taken = _rows_of(
                 table, boundary, displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
@@ -277,7 +281,7 @@ class State:
         if boundary is not None and "normal" in table:
             columns = {name: table[name][taken] for name in _OF_POINTS}
             contact = ContactValues(boundary.nodes.copy(), boundary.part.copy(), **columns)
-        values = dict[str, Field]()
+        values = {}
         for name, (at, shape) in kinds.items():
             column = table[f"field {name}"]
             if at == "points":
@@ -355,14 +359,14 @@ def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:
     return values.ravel()
 
 
-def _rows_of(table: Mapping[str, Array], boundary: ContactBoundary, moved: Array) -> Any:
+def _rows_of(table: Mapping[str, Array], boundary: ContactBoundary, moved: Array) -> Ints:
     """Which stored row belongs to each contact point, by its place and its displacement, shape
     (n,).
     """
     size = float(np.ptp(table["x"], axis=0).max()) or 1.0
     far = float(np.abs(table["y"]).max(initial=0.0)) or 1.0
 
-    def keys(part: npt.NDArray[Any], corner: npt.NDArray[Any], x: Array, y: Array) -> Array:
+    def keys(part: Array | Integers, corner: Array | Integers, x: Array, y: Array) -> Array:
         x, y = (np.where(corner[:, None] < 0, values, 0.0) for values in (x, y))  # feet move
         return np.column_stack((part, corner, x / size, SAME_LENGTH * y / far))
 

@@ -16,10 +16,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
+import ufl
+
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Expr
 from signorini_fx.extensions import STEP_EFFECTS, load_class
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -68,7 +70,7 @@ class StepContact:
     softness: Array | None = None
     linear: bool = True
 
-    def with_gap(self, added: Any) -> StepContact:
+    def with_gap(self, added: Array) -> StepContact:
         """Return the same with lengths added to the gap, shape (n,)."""
         data = replace(self.data, gap=self.data.gap + added)
         return replace(self, gap=self.gap + added, data=data)
@@ -146,8 +148,8 @@ class SteppedForms:
             loads of its end, forces on the owned dofs.
     """
 
-    residual: Any
-    tangent: Any
+    residual: ufl.Form
+    tangent: ufl.Form | None
     begin: Callable[[State, float, Array | float], Array | float]
 
 
@@ -188,7 +190,9 @@ class StepEffect:
         """
         return model
 
-    def stepped(self, F: Any, J: Any, u: fem.Function, density: Any) -> SteppedForms | None:
+    def stepped(
+        self, F: ufl.Form, J: ufl.Form | None, u: fem.Function, density: Expr | ufl.Form
+    ) -> SteppedForms | None:
         """Return what steps of a nonlinear body are solved with in place of a residual at the
         displacement ``u`` and its tangent, UFL, None: UFL finds it; ``density``: mass per volume or
         the form of the mass; None: these.
@@ -287,7 +291,7 @@ class StepEffect:
         return getattr(cls, name) is not getattr(StepEffect, name)
 
     @staticmethod
-    def added(state: State, name: str, at: str, values: Any) -> State:
+    def added(state: State, name: str, at: str, values: Array) -> State:
         """Return a state with values added to a field, which is zero where there is none yet."""
         earlier = state.fields.get(name)
         return state.with_field(name, at, values if earlier is None else earlier.values + values)

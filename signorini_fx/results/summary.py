@@ -40,7 +40,7 @@ from signorini_fx.tuned import ERROR_PATIENCE
 def summary_of(solution: Solution) -> dict[str, Any]:
     """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
     history = solution.history
-    summary = {
+    summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "title": solution.model.title,
         "incomplete": list(solution.statement.incomplete),

@@ -130,7 +130,7 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
         if not isinstance(one, LinearElastic):
             acting.append(f"{one.words} ({one.region or 'everywhere'}: {given_in_words(one)})")
     acting += ["reduced integration"] * reduced
-    acting += ["pressure of the mixed element"] * model.elastic.pressed
+    acting += ["pressure of the mixed element"] * model.scene_law.pressed
     acting += _contacts(model)
     if statement.path.expected > 1:
         automatic = statement.path.steps is not None
@@ -152,7 +152,7 @@ def _body(model: Model) -> tuple[str, bool]:
     """The body in words, and whether its volume is integrated with fewer points."""
     statement = model.statement
     if not statement.nonlinear:
-        return f"elasticity ({model.kinematics.words})", model.elastic.reduced is not None
+        return f"elasticity ({model.kinematics.words})", model.scene_law.reduced is not None
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     inner = (

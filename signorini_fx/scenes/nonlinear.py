@@ -426,14 +426,13 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
     shapes = dict[int, Any]()
     drives = statement.drives(dimension, path_step)
     for body, (load, motion) in zip(statement.rigid_bodies, drives, strict=True):
-        named = zip(COMPONENTS[dimension], motion.tolist(), strict=True)
+        named = zip(COMPONENTS[dimension], map(float, motion), strict=True)
         held = {name: value for name, value in named if not np.isnan(value)}
         for part in body.parts:
             shape = statement.contact[part].driven
-            force = load[:dimension].tolist()
-            moment = load[dimension:].tolist()
-            moments = tuple(moment) if dimension == 3 else moment[0]
-            driven = {"force": tuple(force), "moment": moments, "prescribed": held}
+            loads = tuple(map(float, load))
+            moments = loads[dimension:] if dimension == 3 else loads[dimension]
+            driven = {"force": loads[:dimension], "moment": moments, "prescribed": held}
             shapes[part] = shape.model_copy(update=driven) if shape.drives else shape
     return shapes
 

@@ -9,7 +9,7 @@ Broyden, Math. Comp. 19 (1965) 577-593; for one section it is that of secants.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -146,7 +146,7 @@ def found_in(model: Model, step: float) -> Array:
 
 def with_found(model: Model, step: float, lengths: Array) -> Model:
     """Return the model whose forces have led to these shortenings before a step, nan: to none."""
-    found = dict[int, Mapping[float, float]]()
+    found = {}
     for entry, length in zip(_by_force(model), lengths, strict=False):
         known = model.statement.found.get(id(entry), {})
         earlier = {place: shortening for place, shortening in known.items() if place < step}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from dolfinx import fem
@@ -45,6 +45,9 @@ from signorini_fx.results.contact_figures import load_on
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.tuned import FAR_GAP, NO_FORCE, NOTABLE, ROOT_OF_EPS, SAME_LENGTH
 
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
+
 
 def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
     """Findings about the scene and its mesh, and the equilibrium of its loads up to a place on
@@ -57,7 +60,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
     yield from _falling(body.contacts)
     yield from _pieces(body)
     yield from _locking(
-        body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
+        body, reduced=body.scene_law.reduced is not None or statement.element.degree > 1
     )
     yield from _idle(body)
     for effect in stated_effects(statement):
@@ -113,7 +116,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from _coarse_surfaces(body)
 
 
-def _falling(contacts: Sequence[Any]) -> Iterator[Finding]:
+def _falling(contacts: Sequence[Contact]) -> Iterator[Finding]:
     """Yield a finding for each contact whose friction falls with the speed of slip."""
     for number, contact in enumerate(contacts):
         fall = getattr(contact.friction, "steepest_fall", 0.0)
@@ -666,7 +669,7 @@ def errors_of_steps(
     # Those that relax are others at another time.
     memory = [one for one in statement.material if getattr(one, "state_size", 0)]
     if any(one.at_time(0.5) is not one for one in memory):
-        changed = list[int]()
+        changed = []
         before: Flags | None = None
         for step in steps:
             if step.contact is None:
@@ -690,7 +693,7 @@ def errors_of_steps(
             for step in steps
         }
         last = _turned(statement.contacts_at(-1)[number], number, None)
-        angles = dict[int, float]()
+        angles = {}
         for count, angle in turned.items():
             angles[count] = float(np.linalg.norm(angle - last))
             last = angle
@@ -703,7 +706,7 @@ def errors_of_steps(
             yield Finding("note", f"contact[{number}].foundation", message)
 
 
-def _turned(contact: Any, number: int, step: StepResult | None) -> Array:
+def _turned(contact: Contact, number: int, step: StepResult | None) -> Array:
     """The rotation of a foundation at the end of a load step, radians, shape (1,) or (3,)."""
     angle = np.atleast_1d(np.radians(contact.foundation.angles()))
     motions = () if step is None else step.rigid_bodies
@@ -801,7 +804,7 @@ def loose_in(body: Model, step: StepResult) -> list[int]:
     motions = body.at_contact
     if step.contact is None or not motions.count:
         return []
-    pressed = np.column_stack((step.contact.pressure, step.contact.shear)).any(axis=1)
+    pressed = np.any(np.column_stack((step.contact.pressure, step.contact.shear)), axis=1)
     return motions.untouched([number for number, _ in motions.assemblies], pressed)
 
 

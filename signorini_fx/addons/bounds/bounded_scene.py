@@ -144,7 +144,7 @@ def unbounded(model: Model) -> Iterator[str]:
         yield f"{mesh.topology.cell_name()} cells"
     if compat.geometry_degree(mesh) > 1:
         yield "curved cells"
-    if model.elastic.pressed:
+    if model.scene_law.pressed:
         yield "the mixed element"
     for material in statement.material:
         if material.varies:

@@ -134,7 +134,7 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
     """
     tagged = model.tagged
     d = model.tagged.dimension
-    elastic = model.elastic
+    elastic = model.scene_law
     cells = np.arange(tagged.mesh.topology.index_map(d).size_local)
     corners = np.asarray(compat.geometry_cells(tagged.mesh), dtype=np.int64)[: len(cells)]
     values = y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: len(cells)]]

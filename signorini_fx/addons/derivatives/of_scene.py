@@ -340,7 +340,7 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
         values -= lower.x.array if isinstance(lower, fem.Function) else lower.value
         values /= 2 * change
     # The forms are linear in the Lame parameters.
-    forms = replace(model.elastic, lame=high).compiled(model.space)
+    forms = replace(model.scene_law, lame=high).compiled(model.space)
     strained = any(entry.gives_strain for _, entry in statements[0].listed())
     prepared = (
         [prepare(statement, model.tagged, Timings()) for statement in statements]

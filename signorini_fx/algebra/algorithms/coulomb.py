@@ -81,6 +81,7 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
     )
     # A multiple of the loads above which no pressures, and no shears up to the given bound, carry
     # them.
+    assert data.bound is not None  # the law has one
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
     loaded = [
         (number, columns) for number, columns in motions.assemblies if resultant[columns].any()

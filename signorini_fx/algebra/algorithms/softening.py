@@ -50,7 +50,7 @@ class Descent:
         force = x.duplicate()
         way = x.duplicate()
         problem.residual(None, x, force)
-        left: list[float] = []
+        left = []
         share = 1.0
         for k in range(limit):
             if problem.next.escapes is not None:

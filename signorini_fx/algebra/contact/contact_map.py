@@ -13,14 +13,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.points import ContactPoints
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, Integers
 from signorini_fx.machine import parallel
 
 
@@ -83,7 +81,7 @@ class ContactMap:
         )  # of an orthogonal change
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
-    def among(self, unknowns: npt.NDArray[np.signedinteger[Any]]) -> ContactMap:
+    def among(self, unknowns: Integers) -> ContactMap:
         """The map of a system that has some of the unknowns only, by their local numbers on this
         rank; collective.
         """

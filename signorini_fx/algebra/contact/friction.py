@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.arrays import Array, Flags, Ints, quotient
 
@@ -201,7 +202,7 @@ class PointFriction:
         return bound - by_pressure * pushing - by_slip * along, by_pressure, by_slip
 
 
-def as_given(bound: Any) -> PointFriction:
+def as_given(bound: npt.ArrayLike) -> PointFriction:
     """Friction whose bound is given."""
     values = np.asarray(bound, dtype=np.float64)
     return PointFriction(values, np.zeros_like(values))

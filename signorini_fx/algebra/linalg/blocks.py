@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import (
@@ -61,7 +62,7 @@ class BlockRows:
         """Return the size of the blocks, the spatial dimension d."""
         return int(self.blocks.shape[1])
 
-    def rows_at(self, unknowns: Ints) -> tuple[Any, Any, Any]:
+    def rows_at(self, unknowns: Ints) -> tuple[Ints, Ints, Array]:
         """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
         node, component = np.divmod(unknowns, self.size)
         counts = np.diff(self.starts)[node]
@@ -145,7 +146,7 @@ class BlockMatrix:
         return float(by_entries(matrix).norm(kind))
 
 
-def block_matrix(rows: BlockRows, comm: Any, added: PETSc.Mat | None = None) -> PETSc.Mat:
+def block_matrix(rows: BlockRows, comm: MPI.Comm, added: PETSc.Mat | None = None) -> PETSc.Mat:
     """The symmetric positive definite matrix of the rows of all ranks; ``added``: C, with all the
     entries it may have, which becomes part of it; collective.
     """

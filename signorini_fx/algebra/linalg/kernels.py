@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import zlib
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Indices, Ints
+from signorini_fx.arrays import Array, Column, Indices, Ints
 from signorini_fx.errors import MachineError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import library
@@ -55,7 +54,7 @@ _BODY = """
 """
 _ARGUMENTS = ("-O3",)
 # The modules by their folders.
-_LOADED: dict[str, Any] = {}
+_LOADED: dict[str, ModuleType] = {}
 
 
 def load(comm: MPI.Comm, folder: Path) -> None:
@@ -104,7 +103,7 @@ class BlockProduct:
         rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         upper = columns >= rows
         counts = np.bincount(rows[upper], minlength=starts.size - 1)
-        self._arrays: tuple[npt.NDArray[Any], ...] = (
+        self._arrays: tuple[Column, ...] = (
             np.concatenate(([0], np.cumsum(counts))),
             columns[upper],
             np.compress(upper, blocks, axis=0),
@@ -112,7 +111,7 @@ class BlockProduct:
         kinds = "int64_t", "int32_t", "double"
         self._matrix = [self._address(*each) for each in zip(kinds, self._arrays, strict=True)]
 
-    def _address(self, kind: str, array: npt.NDArray[Any]) -> Any:
+    def _address(self, kind: str, array: Column) -> object:
         assert array.flags.c_contiguous
         return self._cast(f"{kind} *", array.ctypes.data)
 

@@ -20,7 +20,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar, TypeVarTuple
 
 from petsc4py import PETSc
 
@@ -39,7 +39,7 @@ def _library() -> ctypes.CDLL:
     return ctypes.CDLL(PETSc.__file__)
 
 
-def call(name: str, *arguments: Any) -> None:
+def call(name: str, *arguments: object) -> None:
     """Call a C function; petsc4py objects are passed by their handles.
 
     Raises:
@@ -91,6 +91,7 @@ def unprinted() -> Iterator[None]:
 
 P = ParamSpec("P")
 T = TypeVar("T")
+_Arguments = TypeVarTuple("_Arguments")
 _raised: list[BaseException] = []
 
 
@@ -113,11 +114,11 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
     return guarded
 
 
-def weakly(method: Callable[..., T]) -> Callable[..., T]:
+def weakly(method: Callable[P, T]) -> Callable[P, T]:
     """A bound method for PETSc to call, which does not keep its object."""
     held = weakref.WeakMethod(method)
 
-    def alive(*args: Any, **kwargs: Any) -> T:
+    def alive(*args: P.args, **kwargs: P.kwargs) -> T:
         bound = held()
         assert bound is not None, "PETSc calls a solver that is gone"
         return bound(*args, **kwargs)
@@ -125,7 +126,7 @@ def weakly(method: Callable[..., T]) -> Callable[..., T]:
     return alive
 
 
-def solve(solver: Callable[..., object], *arguments: Any) -> None:
+def solve(solver: Callable[[*_Arguments], None], *arguments: *_Arguments) -> None:
     """Call a solver of PETSc that calls back, such as ``snes.solve``; the first exception that a
     function raised that PETSc called is raised.
     """

@@ -66,7 +66,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies
 from signorini_fx.mechanics.shapes.analytic import Plane
 from signorini_fx.mechanics.state import ContactValues, State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS, RigidBody
-from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement
+from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement, Shape, corners_of
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.law_of_method import PreviousStep
@@ -124,6 +124,7 @@ class MovingFoundations(Foundations):
 
     def _put(self, number: int, distance: Distance) -> None:
         moving = self.moving[number]
+        assert isinstance(distance.shape, Shape)
         if distance.shape.driven is not moving.shape.driven:
             raise FormError.at(
                 f"contact[{number}].shape", "forces move it, or they do not: that cannot change"
@@ -282,7 +283,9 @@ class MovingFoundations(Foundations):
             ]
             shape = self.placed_shape(number)
             earlier = moved.get(number, (shape, shape))[1]
-            feet = CornerFeet.of(lines[0], earlier.corners(2))
+            turned = corners_of(earlier, 2)
+            assert turned is not None
+            feet = CornerFeet.of(lines[0], turned)
             rows = np.flatnonzero((boundary.part == number) & ~boundary.at_nodes)
             slips[rows, :2] = feet.slips(lines[1], corners.places)[: rows.size]
         return slips

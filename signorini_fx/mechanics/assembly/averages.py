@@ -15,16 +15,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Integers, Ints
 from signorini_fx.tuned import NEGLIGIBLE
 
 
@@ -32,9 +30,7 @@ from signorini_fx.tuned import NEGLIGIBLE
 class Averages:
     """How n contact points of this rank average over m nodes, which other ranks may own."""
 
-    shares: (
-        Any  # share of each node in each point, rows with the sum one, scipy sparse, shape (n, m)
-    )
+    shares: sp.csr_array  # share of each node in each point, rows with the sum one, shape (n, m)
     nodes: Ints  # global numbers, shape (m,); a node of two contact boundaries is there twice
     x: Array  # positions of the nodes, length, shape (m, d)
     fixed: Flags  # which displacement components are prescribed at the nodes, shape (m, d)
@@ -43,10 +39,9 @@ class Averages:
     centre: Array | None = None
     # Displacements of some nodes along one direction that move the points of two bodies by one, (m,
     # n); None: unknown.
-    lift: Any = None
-    between: Any = (
-        None  # ``operator`` between two bodies, shape (n d, m d); None: it is that of ``shares``
-    )
+    lift: sp.csr_array | None = None
+    # ``operator`` between two bodies, shape (n d, m d); None: it is that of ``shares``.
+    between: sp.csr_array | None = None
 
     @classmethod
     def at_nodes(cls, nodes: Ints, x: Array, fixed: Flags) -> Averages:
@@ -93,9 +88,9 @@ class Averages:
         return np.repeat(np.arange(self.shares.shape[0]), np.diff(self.shares.indptr))
 
     @cached_property
-    def operator(self) -> Any:
+    def operator(self) -> sp.csr_array:
         """Return the matrix from displacements of nodes to those of the points, in the axes of
-        space, scipy sparse, shape (n d, m d).
+        space, shape (n d, m d).
         """
         if self.between is not None:
             return self.between
@@ -137,7 +132,7 @@ def averaging(space: fem.FunctionSpace) -> bool:
     )
 
 
-def from_owners(owned_rows: Array, nodes: npt.NDArray[Any], comm: MPI.Comm) -> Array:
+def from_owners(owned_rows: Array, nodes: Integers, comm: MPI.Comm) -> Array:
     """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes;
     collective.
     """
@@ -151,7 +146,7 @@ def from_owners(owned_rows: Array, nodes: npt.NDArray[Any], comm: MPI.Comm) -> A
     return np.array(received.getArray(readonly=True)).reshape(-1, width)
 
 
-def to_owners(values: Array, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> Array:
+def to_owners(values: Array, nodes: Integers, comm: MPI.Comm, owned: int) -> Array:
     """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned,
     k); collective.
     """

@@ -4,9 +4,8 @@ assembled vectors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import wraps
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Generic, TypeVar
 
 import basix
 import numpy as np
@@ -26,6 +25,8 @@ _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"
 
 # Where a function space keeps the positions of its nodes.
 _ATTRIBUTE = "_signorini_fx_node_positions"
+_Owner = TypeVar("_Owner")
+_Computed = TypeVar("_Computed")
 
 
 def node_positions(space: fem.FunctionSpace) -> Array:
@@ -45,13 +46,13 @@ def forget_positions(space: fem.FunctionSpace) -> None:
     setattr(space, _ATTRIBUTE, None)
 
 
-def compile_form(term: Any) -> Any:
+def compile_form(term: ufl.Form) -> fem.Form:
     """A form, compiled, or a ``MachineError``; collective."""
     with compiling():
         return fem.form(term)
 
 
-def stiffness_form(term: Any, dimension: int) -> fem.Form:
+def stiffness_form(term: ufl.Form, dimension: int) -> fem.Form:
     """A bilinear form on cells of this dimension, compiled for speed, see ``compile_form``;
     collective.
     """
@@ -140,7 +141,9 @@ def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
     return mark.array > 0
 
 
-def measure(mesh: dmesh.Mesh, parts: Sequence[Indices], metadata: dict[str, Any]) -> Any:
+def measure(
+    mesh: dmesh.Mesh, parts: Sequence[Indices], metadata: Mapping[str, str | int]
+) -> ufl.Measure:
     """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled
     once.
     """
@@ -178,24 +181,30 @@ def _summed(vector: la.Vector) -> Array:
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
-def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
+class _Shared(Generic[_Owner, _Computed]):
+    """A property whose value is computed once and kept in a dictionary of its object."""
+
+    def __init__(self, holder: str, compute: Callable[[_Owner], _Computed]) -> None:
+        self.__doc__ = compute.__doc__
+        self._holder = holder
+        self._compute = compute
+
+    def __get__(self, instance: _Owner, owner: type) -> _Computed:
+        values: dict[str, _Computed] = getattr(instance, self._holder)
+        name = self._compute.__name__
+        if name not in values:
+            values[name] = self._compute(instance)
+        return values[name]
+
+
+def shared_in(
+    holder: str,
+) -> Callable[[Callable[[_Owner], _Computed]], _Shared[_Owner, _Computed]]:
     """Make a method a property whose value is computed once and kept in the dictionary ``holder``
     of its object, which ``dataclasses.replace`` passes on; a copy with other data is given an empty
     one.
     """
-
-    def kept(compute: Callable[[Any], Any]) -> Any:
-        @wraps(compute)
-        def value(instance: Any) -> Any:
-            values = getattr(instance, holder)
-            name = compute.__name__
-            if name not in values:
-                values[name] = compute(instance)
-            return values[name]
-
-        return property(value)
-
-    return kept
+    return lambda compute: _Shared(holder, compute)
 
 
 def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tuple[Flags, Array]:

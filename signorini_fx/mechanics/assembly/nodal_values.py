@@ -4,14 +4,14 @@ Functions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Expr, Indices, Value
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
@@ -33,7 +33,7 @@ class NodalValues:
         self._dimension = int(space.mesh.geometry.dim)
         nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets)
         self.nodes = np.flatnonzero(marked_nodes(space, nodes))
-        self._compiled: dict[int, tuple[fem.Expression, fem.Function, Any]] = {}
+        self._compiled: dict[int, tuple[fem.Expression, fem.Function, Expr]] = {}
 
     @cached_property
     def _cells(self) -> Indices:
@@ -43,7 +43,11 @@ class NodalValues:
         )
 
     def __call__(
-        self, value: Any, name: str, components: int = 1, minimum: float = -np.inf
+        self,
+        value: Value | Sequence[float],
+        name: str,
+        components: int = 1,
+        minimum: float = -np.inf,
     ) -> Array:
         """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d), nan
         where no facet is, or a ``FormError`` about the argument ``name``; collective.
@@ -80,7 +84,9 @@ class NodalValues:
         parallel.raise_together(comm, error)
         return nodal_values[:, 0] if components == 1 else nodal_values
 
-    def _expression(self, value: Any, components: int) -> tuple[fem.Expression, fem.Function, Any]:
+    def _expression(
+        self, value: Expr, components: int
+    ) -> tuple[fem.Expression, fem.Function, Expr]:
         """The compiled expression, and a Function of the displacements for it; the value stays with
         them.
         """

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import la
 from dolfinx import mesh as dmesh
+from dolfinx.common import IndexMap
 from mpi4py import MPI
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
@@ -137,7 +138,7 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     numbered = int(local.max(initial=-1)) + 1
     local += comm.exscan(numbered) or 0
     total = int(parallel.total(comm, numbered))
-    of_side = _labels_of(sides.array, local, topology.index_map(dim - 1))
+    of_side = _labels_of(sides, local, topology.index_map(dim - 1))
     shared = _disagreements(of_side, topology.index_map(dim - 1))
     links = np.unique(parallel.gather_rows(comm, np.unique(shared[:, 1:], axis=0)), axis=0)
     graph = coo_array(
@@ -172,7 +173,7 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     return BodyPieces(position[of_cell], numbers[order], bounds[order], np.arange(count))
 
 
-def _local_components(topology: Any) -> tuple[Any, Ints]:
+def _local_components(topology: dmesh.Topology) -> tuple[Indices, Ints]:
     """The sides of the cells of this rank, and a label for each of its cells: those that share a
     side have the same.
     """
@@ -186,10 +187,11 @@ def _local_components(topology: Any) -> tuple[Any, Ints]:
         shape=(cells + count, cells + count),
     )
     _, labels = connected_components(graph, directed=True, connection="weak")
-    return sides, labels[:cells].astype(np.int64)  # every side has a cell, so every label has one
+    # Every side has a cell, so every label has one.
+    return sides.array, labels[:cells].astype(np.int64)
 
 
-def _labels_of(entities: Indices, labels: Ints, index_map: Any) -> Ints:
+def _labels_of(entities: Indices, labels: Ints, index_map: IndexMap) -> Ints:
     """The label of a cell at each vertex or side (any of them, if there are several), -1 where
     there is no cell.
     """
@@ -198,7 +200,7 @@ def _labels_of(entities: Indices, labels: Ints, index_map: Any) -> Ints:
     return entity_labels
 
 
-def _disagreements(labels: Ints, index_map: Any) -> Ints:
+def _disagreements(labels: Ints, index_map: IndexMap) -> Ints:
     """Ghosts to which this rank and their owner give different labels: (entity, own label,
     owner's); collective.
     """

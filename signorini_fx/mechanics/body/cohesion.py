@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class TearingBonds(StepEffect):
     parts: Mapping[int, Cohesion] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, entry: Any) -> Self:
+    def of(cls, entry: Mapping[int, Cohesion]) -> Self:
         return cls(entry)
 
     def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:

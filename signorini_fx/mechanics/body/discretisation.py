@@ -17,7 +17,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Indices, Value
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat, parallel
@@ -41,7 +41,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.statement.effect import InitialStrain, Resistance
+from signorini_fx.mechanics.statement.effect import Effect, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.mechanics.statement.statement import Statement
@@ -332,8 +332,8 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indic
     """Facets of every boundary that the scene names; all missing and empty ones are reported
     together.
     """
-    facets: dict[str, Indices] = {}
-    problems: list[tuple[str, str]] = []
+    facets = {}
+    problems = []
     for path, effect in statement.listed():
         for key, name in (
             ("boundary", effect.where),
@@ -408,7 +408,9 @@ def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
     )
 
 
-def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tuple[str, str]]:
+def _problems(
+    path: str, value: Value | None, entry: Effect, tagged: TaggedMesh
+) -> list[tuple[str, str]]:
     """What is wrong with a value on this rank."""
     strains = isinstance(entry, InitialStrain)
     resists = isinstance(entry, Resistance)
@@ -436,7 +438,7 @@ def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tup
     return []
 
 
-def _values(entry: Any) -> Iterator[tuple[str, Any]]:
+def _values(entry: Effect) -> Iterator[tuple[str, Value | None]]:
     """What an entry gives as values of the position, by keys."""
     yield from getattr(entry, "given", {}).items()
     yield "grading", getattr(entry, "grading", None)
@@ -446,7 +448,7 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
             yield key, component
 
 
-def _points_of(entry: Any, tagged: TaggedMesh) -> Array:
+def _points_of(entry: Effect, tagged: TaggedMesh) -> Array:
     """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh,
     shape (3, n).
     """

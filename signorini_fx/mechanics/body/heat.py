@@ -28,7 +28,7 @@ from petsc4py import PETSc
 from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.algebra.linalg.factorisation import use_direct
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Expr, Flags, Ints
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -40,7 +40,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 )
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
-from signorini_fx.mechanics.effects.heat import Heat
+from signorini_fx.mechanics.effects.heat import Heat, InitialTemperature
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, measures
 from signorini_fx.mechanics.model import Model, sum_of
 from signorini_fx.mechanics.state import Field, State
@@ -158,10 +158,10 @@ class Conductor:
         self.given = [entry for entry in self.entries if entry.temperature is None]
         places = [each(metadata=metadata) for each in measures(self.given, model.tagged)]
 
-        def inside(value: Any) -> Any:
+        def inside(value: Expr) -> ufl.Form:
             return conductivity * ufl.inner(ufl.grad(value), ufl.grad(test)) * around * dx
 
-        def resisting(value: Any) -> Any:
+        def resisting(value: Expr) -> ufl.Form:
             """Conduction and films."""
             films = (
                 on.value(entry.film) * value * test * around * d
@@ -170,13 +170,13 @@ class Conductor:
             )
             return sum(films, inside(value))
 
-        def brought(entry: Heat, film: Any) -> Any:
+        def brought(entry: Heat, film: Expr) -> Expr:
             """The power that an entry brings per area or volume, at a temperature at its film."""
             if entry.film is not None:
                 return on.value(entry.film) * (on.value(entry.ambient) - film)
             return on.value_in(entry.region, entry.flux if entry.source is None else entry.source)
 
-        def storing(value: Any) -> Any:
+        def storing(value: Expr) -> ufl.Form:
             capacity = on.density * on.of_material("specific_heat")
             return capacity * value * test * around * dx
 
@@ -209,10 +209,10 @@ class Conductor:
         """How many nodes this rank owns."""
         return int(self.space.dofmap.index_map.size_local)
 
-    def nodes_of(self, entry: Any) -> Ints:
+    def nodes_of(self, entry: Heat | InitialTemperature) -> Ints:
         """The nodes of this rank on the boundary of an entry, or in its region; collective."""
-        if getattr(entry, "boundary", None) is not None:
-            nodes = facet_nodes(self.space, self.model.tagged.facets(entry.boundary))
+        if entry.where is not None:
+            nodes = facet_nodes(self.space, self.model.tagged.facets(entry.where))
         else:
             nodes = self.space.dofmap.list[self.model.tagged.cells(entry.region)]
         return np.flatnonzero(marked_nodes(self.space, np.asarray(nodes).ravel()))

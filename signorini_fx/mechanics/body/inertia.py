@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 import ufl
@@ -37,7 +37,7 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.algebra.linalg import LoadCase
-from signorini_fx.arrays import Array, inner
+from signorini_fx.arrays import Array, Expr, Flags, inner
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -74,6 +74,9 @@ from signorini_fx.mechanics.step_effect import (
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.inertia import Inertia
+
 _POINTS_OF_WORK = 3  # along a step: its error is of the order of their number, twice
 _LEAST_STEP = 0.5  # of the time that a wave takes through a cell: below it the mesh rings
 
@@ -96,7 +99,7 @@ class MidpointRule(StepEffect):
     start: Literal["static", "undeformed"] | None = None
 
     @classmethod
-    def of(cls, entry: Any) -> Self:
+    def of(cls, entry: Inertia) -> Self:
         return cls(entry.time_step, entry.start)
 
     # --- where motion begins ---
@@ -212,7 +215,9 @@ class MidpointRule(StepEffect):
 
         return _with_masses(replace(model, terms=terms, resists=resists), factor)
 
-    def stepped(self, F: Any, J: Any, u: fem.Function, density: Any) -> SteppedForms:
+    def stepped(
+        self, F: ufl.Form, J: ufl.Form | None, u: fem.Function, density: Expr | ufl.Form
+    ) -> SteppedForms:
         space = u.function_space
         share = fem.Constant(space.mesh, default_scalar_type(1.0))
         factor = fem.Constant(space.mesh, default_scalar_type(0.0))
@@ -238,7 +243,7 @@ class MidpointRule(StepEffect):
             aim.x.array[:] = state.displacement + dt * _velocity(state)
             return -_half_change(loads, state)
 
-        def in_middle(form: Any) -> Any:
+        def in_middle(form: ufl.Form) -> ufl.Form:
             return ufl.replace(apply_derivatives(apply_algebra_lowering(form)), middle)
 
         residual = in_middle(F) + ufl.replace(mass, {trial: u - aim})
@@ -282,10 +287,10 @@ class MidpointRule(StepEffect):
         u, _ = model.contact.traces(model.unknowns_at(state.displacement, state.rigid))
         v, _ = model.contact.traces(model.unknowns_at(velocity, velocity_of(state)))
         moved = np.zeros_like(contact.gap)
-        still: Any = np.ones(moved.size, dtype=bool)
+        still: Flags = np.ones(moved.size, dtype=bool)
         if contact.drift is not None:
             moved = inner(contact.drift, contact.boundary.normal)
-            still = ~contact.drift.any(axis=1)
+            still = np.logical_not(contact.drift.any(axis=1))
         given_back = np.zeros_like(moved)
         if (earlier := state.fields.get("contact")) is not None:
             moved = np.where(still, contact.gap - earlier.values[:, 0], moved)
@@ -337,7 +342,7 @@ class MidpointRule(StepEffect):
         return AddedForces(
             resisting=resisting,
             named=[(None, "inertia", -resisting)],
-            loads=-_half_change(loads.forces, state).reshape(-1, dim),
+            loads=-np.reshape(_half_change(loads.forces, state), (-1, dim)),
             prescribed=prescribed.reshape(-1, dim),
             lost=lost.reshape(-1, dim),
             drives=in_middle(model.rigid, state, loads.drives, dt)[1] if loads.drives else (),
@@ -484,7 +489,7 @@ class MidpointRule(StepEffect):
 # --- parts ----------------------------------------------------------------------------------------
 
 
-def density_of(given: Any, space: fem.FunctionSpace) -> Any:
+def density_of(given: Expr | ufl.Form | float, space: fem.FunctionSpace) -> Expr | ufl.Form:
     """A density, or a form of the mass, as forms give it.
 
     Raises:
@@ -512,7 +517,7 @@ def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
     return compile_form(scale * _mass_of(model.density(), space))
 
 
-def _mass_of(density: Any, space: fem.FunctionSpace) -> Any:
+def _mass_of(density: Expr | ufl.Form, space: fem.FunctionSpace) -> ufl.Form:
     """The form of the mass in UFL, of a density or itself."""
     if isinstance(density, ufl.Form):
         return density
@@ -579,7 +584,7 @@ def _with_ghosts(model: Model, owned: Array) -> Array:
     return np.array(function.x.array)
 
 
-def _sum(model: Model, local: Any) -> float:
+def _sum(model: Model, local: Array) -> float:
     return parallel.total(model.comm, local)
 
 
@@ -590,7 +595,7 @@ def _aim(state: State, dt: float) -> Array:
     return state.displacement + 0.5 * dt * _velocity(state)
 
 
-def _half_change(forces: Any, state: State) -> Any:
+def _half_change(forces: Array | float, state: State) -> Array | float:
     """What loads at the end of a step are more than in its middle, shape (owned dofs,), or 0 where
     there are none.
     """

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import basix
 import basix.ufl
@@ -25,7 +25,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Expr, Indices
 from signorini_fx.mechanics.assembly.mesh_entities import measure as surface_measure
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
@@ -33,13 +33,17 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, p
 from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
-from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
+from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.state import Field, at_cells
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.materials.nonlinear import NonlinearMaterial
+    from signorini_fx.mechanics.materials.protocol import Material
 
 
 def at_rest(statement: Statement) -> Statement:
@@ -61,7 +65,7 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
     return reduced_degree(at_rest(statement), tagged.mesh, nearly=flows)
 
 
-def cells_of(material: Any, tagged: TaggedMesh) -> Indices:
+def cells_of(material: Material, tagged: TaggedMesh) -> Indices:
     """The cells of a material that this rank owns, ascending."""
     cells = tagged.cells(material.region)
     return np.sort(
@@ -102,7 +106,7 @@ class MaterialPoints:
         used = tangent[:, self.pairs][:, :, self.pairs]
         self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
 
-    def components(self, measured: Any) -> Any:
+    def components(self, measured: Expr) -> Expr:
         """Return the components that do work of a strain, or of grad u, UFL."""
         return _components(self.material, measured, [self.of[pair] for pair in self.pairs])
 
@@ -142,11 +146,11 @@ class MaterialPoints:
 class BodyResidual:
     """The work of the stress of a body."""
 
-    form: Any  # F(u; .), UFL
-    tangent: Any | None  # its derivative where that is not the one of UFL; None: it is
+    form: ufl.Form  # F(u; .), UFL
+    tangent: ufl.Form | None  # its derivative where that is not the one of UFL; None: it is
     points: tuple[MaterialPoints, ...]  # of the materials with a state
     followers: Followers  # the loads that follow the body
-    free: Any | None  # its free expansion, UFL; None: there is none
+    free: Expr | None  # its free expansion, UFL; None: there is none
     heat: Callable[[float], None]  # takes the free expansion to a place in the lists of factors
     path: LoadPath  # whose times the materials go through
 
@@ -177,7 +181,7 @@ class BodyResidual:
             return {}
         topology = self.points[0].stress.function_space.mesh.topology
         owned = topology.index_map(topology.dim).size_local
-        values = dict[str, Array]()
+        values = {}
         for number, state in enumerate(self.points):
             values[f"material {number}"] = rows = np.zeros((owned, *state.begun.shape[1:]))
             rows[state.cells] = state.begun
@@ -257,7 +261,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     on = FormCoefficients(statement, tagged, space)
     ds = surface_measure(
         space.mesh,
-        [tagged.facets(effect.where) for effect in (*following(statement), *springs)],
+        [tagged.facets(str(effect.where)) for effect in (*following(statement), *springs)],
         {},
     )
     followers = Followers.of(statement, tagged, u, ds, measure(2 * len(cells)))
@@ -270,7 +274,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     return BodyResidual(form, tangent, tuple(points), followers, free, heat, statement.path)
 
 
-def gradients(u: Any, kinematics: Kinematics, reduced: int | None) -> tuple[Any, Any]:
+def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Expr, Expr]:
     """Grad u of the shape and of the volume, each at the points of its rule, UFL, shape (3, 3);
     ``reduced``: see ``volume_degree``.
     """
@@ -279,8 +283,8 @@ def gradients(u: Any, kinematics: Kinematics, reduced: int | None) -> tuple[Any,
 
 
 def stress_parts(
-    material: Any, gradients_of_u: tuple[Any, Any], free: Any | None
-) -> list[Any | None]:
+    material: Hyperelastic | PathDependent, gradients_of_u: tuple[Expr, Expr], free: Expr | None
+) -> list[Expr | None]:
     """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL,
     shape (3, 3); None: it is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
@@ -299,24 +303,26 @@ def stress_parts(
     ]
 
 
-def _elastic(strain: Any, free: Any | None) -> Any:
+def _elastic(strain: Expr, free: Expr | None) -> Expr:
     """A small strain without the free one, UFL."""
     return strain if free is None else strain - free * ufl.Identity(3)
 
 
-def _measured(material: Any, kinematics: Kinematics, u: Any) -> Any:
+def _measured(material: NonlinearMaterial, kinematics: Kinematics, u: Expr) -> Expr:
     """Grad u of finite strains, else the strain, UFL."""
     return kinematics.gradient(u) if material.finite else kinematics.strain(u)
 
 
-def _components(material: Any, measured: Any, pairs: list[tuple[int, int]]) -> Any:
+def _components(material: NonlinearMaterial, measured: Expr, pairs: list[tuple[int, int]]) -> Expr:
     """The components of ``_measured``, UFL."""
     if material.finite:
         return ufl.as_vector([measured[pair] for pair in pairs])
     return components(measured, pairs)
 
 
-def _energies(material: Any, changes: Sequence[Any], free: Any | None) -> list[Any | None]:
+def _energies(
+    material: Hyperelastic | PathDependent, changes: Sequence[Expr], free: Expr | None
+) -> list[Expr | None]:
     """The energy of the shape, and that of the volume, per undeformed volume, each from its grad u,
     UFL; None: it is that of a state, or not apart.
     """
@@ -337,7 +343,7 @@ def _points(
     cells: Indices,
     kinematics: Kinematics,
     u: fem.Function,
-    free: Any | None,
+    free: Expr | None,
     degree: int,
 ) -> MaterialPoints:
     """The points of one material; ``free``: see ``BodyResidual``; collective."""

@@ -58,7 +58,7 @@ class SeepingFluids(StepEffect):
         owned = model.fixed.size // dim
         prescribed = loads.prescribed[: owned * dim].reshape(-1, dim)
         total = np.zeros_like(prescribed)
-        named = list[tuple[str | None, str, Array]]()
+        named = []
         for number, forces in self._forces(model, state, dt).items():
             contact = model.contacts[number]
             pressed = forces.reshape(-1, dim)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import permutations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,7 +24,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
-from signorini_fx.arrays import Array, Flags, Indices, Ints, rmatvec
+from signorini_fx.arrays import Array, Expr, Flags, Indices, Ints, rmatvec
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -345,14 +345,16 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     )
 
 
-def unit_contact_form(space: fem.FunctionSpace, facets: Indices, factor: Any = None) -> fem.Form:
+def unit_contact_form(
+    space: fem.FunctionSpace, facets: Indices, factor: Expr | None = None
+) -> fem.Form:
     """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the
     surface measure.
     """
     mesh = space.mesh
     degree = space.element.basix_element.degree
     geometry = compat.geometry_degree(mesh)
-    rule: dict[str, Any] = {"quadrature_degree": lumped_degree(degree, geometry)}
+    rule: dict[str, str | int] = {"quadrature_degree": lumped_degree(degree, geometry)}
     if mesh.topology.dim == 2 and (degree > 1 or factor is None):
         # The points are the nodes, with positive weights; on the axis of a body of revolution a
         # vertex would have none, and on surfaces these rules are not exact.

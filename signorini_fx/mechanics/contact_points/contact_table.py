@@ -7,15 +7,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, chain, pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from signorini_fx.arrays import Array, Flags, Ints, length
+from signorini_fx.arrays import Array, Column, Flags, Ints, length
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean, dataframe, html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+
+if TYPE_CHECKING:
+    import pandas
 
 # Rows of a table that a notebook shows.
 _SHOWN_ROWS = 20
@@ -42,7 +44,7 @@ class ContactTable:
             None in 2D.
     """
 
-    columns: dict[str, npt.NDArray[Any]]
+    columns: dict[str, Column]
     chains: list[range]
     nodes: Ints | None = None
     facets: Ints | None = None
@@ -67,7 +69,7 @@ class ContactTable:
             f"{len(self.columns['x'])} contact nodes, the first {len(rows)}",
         )
 
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> pandas.DataFrame:
         """Return the columns as a ``pandas.DataFrame``, one row per node."""
         return dataframe(self.columns)
 
@@ -224,7 +226,7 @@ def _chains(numbers: Ints, segments: Ints, x: Array) -> tuple[list[range], Ints,
     """Connected pieces, their nodes in order, and whether each is closed, whatever the numbers of
     nodes and ranks.
     """
-    keys: Any = [*zip(numbers.T[0], *_in_line(x).T, strict=True)]
+    keys = [*zip(numbers.T[0], *_in_line(x).T, strict=True)]
     row_of = {
         (int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))
     }
@@ -244,11 +246,8 @@ def _chains(numbers: Ints, segments: Ints, x: Array) -> tuple[list[range], Ints,
         while row is not None:
             path.append(row)
             seen.add(row)
-            row = min(
-                (near for near in neighbours[row] if near not in seen),
-                key=keys.__getitem__,
-                default=None,
-            )
+            further = [near for near in neighbours[row] if near not in seen]
+            row = min(further, key=keys.__getitem__) if further else None
         paths += [path] if path else []
     paths.sort(key=lambda path: keys[path[0]])
     closed = [len(path) > 2 and path[0] in neighbours[path[-1]] for path in paths]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -46,8 +45,8 @@ class ScalarMap:
                 raise FormError.at("space", wrong)
 
     @property
-    def rows(self) -> Any:
-        """Return B, scipy sparse, shape (n, m)."""
+    def rows(self) -> sp.csr_array:
+        """Return B, shape (n, m)."""
         return sp.csr_array(self.boundary.averages.shares)
 
     @property
@@ -61,7 +60,7 @@ class ScalarMap:
         return self.boundary.weight
 
     @cached_property
-    def side(self) -> Any:
+    def side(self) -> sp.csr_array:
         """The part of ``rows`` on the side of the points; collective."""
         on_side = sp.csr_array(self.rows.shape)
         for space, facets, number in self.boundary.surface:
@@ -70,7 +69,7 @@ class ScalarMap:
             on_side = on_side + of_part @ self.rows @ sp.diags_array(self.received(nodes))
         return sp.csr_array(on_side)
 
-    def of(self, values: Array, rows: Any = None) -> Array:
+    def of(self, values: Array, rows: sp.csr_array | None = None) -> Array:
         """Return B of values at the nodes of this rank, shape (n,), or other ``rows`` of them,
         such as ``side``; collective.
         """
@@ -87,7 +86,7 @@ class ScalarMap:
     def _owned(self) -> int:
         return int(self.space.dofmap.index_map.size_local)
 
-    def vector(self, density: Array, rows: Any = None) -> Array:
+    def vector(self, density: Array, rows: sp.csr_array | None = None) -> Array:
         """Return B^T w q at the owned nodes, shape (owned nodes,); collective.
 
         Args:

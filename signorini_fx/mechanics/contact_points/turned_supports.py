@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints, matvec
+from signorini_fx.arrays import Array, Flags, Indices, Integers, Ints, matvec
 from signorini_fx.mechanics.effects.displacement import Displacement
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.tuned import ROOT_OF_EPS
 
 
@@ -76,7 +75,7 @@ class TurnedNodes:
             fixed[of_kind, :count] = True
         return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
 
-    def place(self, y: Array, active: Sequence[Any]) -> None:
+    def place(self, y: Array, active: Sequence[Effect]) -> None:
         """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which
         have what supports along the axes prescribe.
         """
@@ -87,7 +86,7 @@ class TurnedNodes:
                 given[support.nodes, column] = support.values
         y[self.nodes] = matvec(self.from_given, given[self.nodes])
 
-    def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> Array:
+    def frames_at(self, nodes: Integers) -> Array:
         """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
         frames = np.tile(np.eye(self.frames.shape[1]), (len(nodes), 1, 1))
         turned = np.isin(nodes, self.nodes)

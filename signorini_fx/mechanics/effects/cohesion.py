@@ -6,12 +6,13 @@ solved.
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Self
 
 from pydantic import Field, model_validator
 
+from signorini_fx.arrays import Value
 from signorini_fx.mechanics.statement.base import refused
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, not_yet
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Stated, not_yet
 from signorini_fx.mechanics.statement.values import NonNegativeValue, Positive
 
 PARAMETERS = ("strength", "shear_strength", "energy", "shear_energy", "exponent")
@@ -85,13 +86,13 @@ class Cohesion(ContactPart):
         return self
 
     @property
-    def parameters(self) -> tuple[Any, ...]:
+    def parameters(self) -> tuple[Value | None, ...]:
         """Return the values of ``PARAMETERS``."""
         shear = self.strength if self.shear_strength is None else self.shear_strength
         energy = self.energy if self.shear_energy is None else self.shear_energy
         return self.strength, shear, self.energy, energy, self.exponent
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         path = ("contact", number, "cohesion")
         contact = statement.contact[number]
         friction = contact.friction

@@ -8,8 +8,16 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
-from pydantic import BeforeValidator, Discriminator, TypeAdapter, WrapValidator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    TypeAdapter,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
 
+from signorini_fx.arrays import Value
 from signorini_fx.extensions import LAWS, load_class, names_of
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
@@ -20,9 +28,10 @@ from signorini_fx.mechanics.statement.effect import (
     Effect,
     Features,
     Part,
+    Stated,
 )
 from signorini_fx.mechanics.statement.rigid_body import driven_twice
-from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
+from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape, Shape
 from signorini_fx.mechanics.statement.values import (
     Accepts,
     Direction,
@@ -47,7 +56,7 @@ def law_by_speed(name: str) -> type[FrictionLaw]:
     return kind
 
 
-def _law(entry: Any, kinds: Any) -> Any:
+def _law(entry: object, kinds: ValidatorFunctionWrapHandler) -> FrictionLaw:
     """A friction law from a table; itself if it is one."""
     if isinstance(entry, FrictionLaw):
         return entry
@@ -69,7 +78,7 @@ OneLaw = Annotated[
 ]
 
 
-def _joined(names: Any) -> Any:
+def _joined(names: str | Sequence[str]) -> str | Sequence[str]:
     """Return the name of several boundaries as one; itself if it is one name."""
     several = isinstance(names, list | tuple) and len(names) > 0
     return JOIN.join(names) if several and all(isinstance(one, str) for one in names) else names
@@ -227,7 +236,7 @@ class Contact(Effect):
         """Return what happens at the contact beside contact and friction, such as wear."""
         return [part for _, part in self if isinstance(part, ContactPart)]
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         for part in self.parts:
             yield from part.contradictions(statement, number)
         if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
@@ -351,18 +360,18 @@ class Contact(Effect):
         return self.kind == "bonded"
 
     @property
-    def surface(self) -> Any:
+    def surface(self) -> Shape | None:
         """Return the foundation, if gap and direction follow from its shape; otherwise None."""
         return None if self.bonded else self.foundation
 
-    def gap_in(self, dimension: int) -> Any:
+    def gap_in(self, dimension: int) -> Value:
         """Return the gap in a space of a given dimension, length: a number, an expression or a
         callable of the position.
         """
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property
-    def driven(self) -> Any:
+    def driven(self) -> Shape | None:
         """Return the foundation, if its motion is an unknown, see ``statement.rigid_body``;
         otherwise None.
         """
@@ -384,7 +393,7 @@ class Contact(Effect):
         return self.friction.follows_pressure and self.friction.acts
 
 
-def _without_speed(statement: Any, number: int) -> Contradictions:
+def _without_speed(statement: Stated, number: int) -> Contradictions:
     """Why there is no speed that friction could follow, or no method that lets it."""
     times = statement.load_steps.times
     place = ("contact", number, "friction", "law")
@@ -394,7 +403,7 @@ def _without_speed(statement: Any, number: int) -> Contradictions:
         yield place, f"{reason}: give load_steps.times, one for each step{first}"
 
 
-def _not_driven(statement: Any, number: int) -> Contradictions:
+def _not_driven(statement: Stated, number: int) -> Contradictions:
     """Yield the entries that cannot go together with a foundation of unknown motion, and why."""
     driven = statement.contact[number].driven
     of_components = {key: getattr(driven, key) or {} for key in ("spring", "velocity")}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.arrays import Array
-from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load
+from signorini_fx.arrays import Array, Value
+from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load, Stated
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, Entries, TimedSampledValue, Vector
 
@@ -84,7 +84,7 @@ class Displacement(Load):
         return self.holds is None or self.holds[max(0, ceil(step))]
 
     @property
-    def components(self) -> tuple[Any, Any, Any]:
+    def components(self) -> tuple[Value | None, ...]:
         """Return the prescribed values along x[0], x[1] and x[2]; None where the displacement is
         free.
         """
@@ -100,15 +100,14 @@ class Displacement(Load):
         if len(along) == 2:  # in a section, where x[2] = 0
             across[:, 2] = 0.0
 
-        def moved(component: Any, row: Array) -> Any:
+        def moved(component: Value | None, row: Array) -> Value | None:
             if not row.any():
                 return component
             return lambda x: (
                 sample(component or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
             )
 
-        first, second, third = map(moved, (self.x, self.y, self.z), across)
-        return first, second, third
+        return tuple(map(moved, (self.x, self.y, self.z), across))
 
     @property
     def acts(self) -> bool:
@@ -119,7 +118,7 @@ class Displacement(Load):
     def features(self) -> Features:
         return () if self.rotation is None else (("prescribed rotation", ("rotation",)),)
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         if self.rotation is not None and "prescribed rotation" not in statement.kinematics.refuses:
             reason = statement.kinematics.refused_axis(self.axis, self.about)
             if reason:

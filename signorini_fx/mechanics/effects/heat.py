@@ -6,17 +6,18 @@ How it is conducted is in ``mechanics.body.heat``, which is imported where a ste
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, FieldValue, Flags
 from signorini_fx.mechanics.statement.effect import (
     BodyCoefficients,
     ContactPart,
     Contradictions,
     Effect,
     InitialStrain,
+    Stated,
     not_yet,
 )
 from signorini_fx.mechanics.statement.values import (
@@ -106,7 +107,7 @@ class Heat(InitialStrain):
         """Return the quadrature degree for strains of a temperature of the degree of an element."""
         return 2 * element + 2
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         if self.factors is not None:
             yield ("heat", number, "factors"), "leave it out: give values that depend on t"
         if number:
@@ -123,7 +124,7 @@ class Heat(InitialStrain):
             reason = "needs load_steps.times, the first above 0, where heat begins"
             yield ("material", stores.index(True), "specific_heat"), reason
 
-    def strain(self, on: BodyCoefficients) -> Any:
+    def strain(self, on: BodyCoefficients) -> FieldValue | float:
         """Return the strain of the temperature, UFL: all entries make it together, the first one
         has it.
         """
@@ -153,7 +154,7 @@ class InitialTemperature(Effect):
     temperature: SampledValue = Field(kw_only=False)
     region: str | None = None
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         stored = [material.specific_heat for material in statement.material]
         if not statement.effects.get("heat") or None in stored:
             yield ("initial_temperature", number), "needs [[heat]] and material.specific_heat"
@@ -162,7 +163,7 @@ class InitialTemperature(Effect):
 class _HeatOfContact(ContactPart):
     """A table within a contact that needs heat."""
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         place = ("contact", number, self.key)
         contact = statement.contact[number]
         if not statement.effects.get("heat"):
@@ -202,7 +203,7 @@ class Conductance(_HeatOfContact):
 
     @model_validator(mode="before")
     @classmethod
-    def _short(cls, entry: Any) -> Any:
+    def _short(cls, entry: object) -> object:
         """A number is that of closed contact, and a list a table."""
         if isinstance(entry, int | float) and not isinstance(entry, bool):
             return {"closed": entry}
@@ -220,7 +221,7 @@ class Conductance(_HeatOfContact):
                 raise ValueError("the pressures of a table must increase")
         return self
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         place = ("contact", number, "conductance")
         pair = statement.contact[number].against is not None
@@ -229,7 +230,7 @@ class Conductance(_HeatOfContact):
         if not pair and self.temperature is None:
             yield place, "needs the temperature of the foundation"
 
-    def of(self, pressure: Array, gap: Array, closed: Any) -> Array:
+    def of(self, pressure: Array, gap: Array, closed: Flags) -> Array:
         """Return the conductance of n points, power per area and temperature, shape (n,).
 
         Args:
@@ -269,10 +270,10 @@ class FrictionHeat(_HeatOfContact):
 
     @model_validator(mode="before")
     @classmethod
-    def _short(cls, entry: Any) -> Any:
+    def _short(cls, entry: object) -> object:
         return {"fraction": entry} if type(entry) in (int, float) else entry
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         if not statement.contact[number].friction.acts:
             yield ("contact", number, "friction_heat"), "needs friction"

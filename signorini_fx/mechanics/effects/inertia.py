@@ -6,14 +6,14 @@ What a step is, is in ``mechanics.body.inertia``, which is imported where one is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.effects.displacement import Displacement
-from signorini_fx.mechanics.statement.effect import Contradictions, Effect, not_yet
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Stated, not_yet
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, Positive, SampledValue, Vector
 from signorini_fx.tuned import SAME_NUMBER
@@ -60,7 +60,7 @@ class InitialVelocity(Effect):
         """The part of the mesh, as other entries call it."""
         return self.body
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         if not statement.effects.get("inertia"):
             yield ("initial_velocity", number), "needs inertia = { time_step = ... }"
 
@@ -127,7 +127,7 @@ class Inertia(Effect):
             return 0
         return int(np.ceil(np.diff(times) / self.time_step * (1 - SAME_NUMBER)).sum())
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         path = ("inertia",)
         times = statement.load_steps.times
         if number:

@@ -4,17 +4,17 @@ and its form.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import isnan, nan
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.arrays import Array, diagonal
+from signorini_fx.arrays import Array, Expr, FieldValue, Value, diagonal
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import (
     BodyCoefficients,
@@ -25,6 +25,7 @@ from signorini_fx.mechanics.statement.effect import (
     InitialStrain,
     Load,
     Resistance,
+    Stated,
     VectorForce,
     is_zero,
 )
@@ -42,6 +43,9 @@ from signorini_fx.mechanics.statement.values import (
     Vector,
 )
 from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS, SAME_LENGTH
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.statement.statement import Statement
 
 
 class Traction(VectorForce):
@@ -69,7 +73,7 @@ class Traction(VectorForce):
     boundary: str
     pressure: TimedValue = 0.0
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         traction = super().density(on)
         return (
             traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal
@@ -104,7 +108,7 @@ class Force(VectorForce):
         """The components are those of the total, see ``Effect``."""
         return not isinstance(self.spread, float)
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         """F s over the integral of s, see ``ForceDensity``."""
         return super().density(on) * on.value(self.spread) / on.total(self)
 
@@ -142,10 +146,10 @@ class Gravity(VectorForce):
         [0. 8.]
     """
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from _without_density(statement, "gravity") if self.acts else ()
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         return on.density * super().density(on)
 
 
@@ -176,12 +180,12 @@ class Rotation(ForceDensity):
     about: Vector | None = None
     axis: Direction | None = None
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from _without_density(statement, "rotation") if self.acts else ()
         if reason := statement.kinematics.refused_axis(self.axis, self.about):
             yield ("rotation", number, "axis"), reason
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         dimension = len(
             on.position
         )  # displacements out of a section have one more than its point and axis
@@ -223,7 +227,7 @@ class Fluid(ForceDensity):
     weight: NonNegative
     up: Literal["x", "y", "z"] | None = None
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         if self.up == "x" and statement.kinematics.refused_axis((1.0, 0.0)):
             yield ("fluid", number, "up"), "must be along the axis of the body: y"
         if statement.kinematics.out_of_section and self.up is None:
@@ -240,7 +244,7 @@ class Fluid(ForceDensity):
     def varies(self) -> bool:
         return True
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         depth = (
             on.value(self.level)
             - on.position[len(on.position) - 1 if self.up is None else "xyz".index(self.up)]
@@ -320,20 +324,20 @@ class Temperature(InitialStrain):
         return self
 
     @property
-    def _value(self) -> Any:
+    def _value(self) -> Value:
         return self.change if self.file is None else PointValues(self.file)
 
     @property
-    def given(self) -> dict[str, Any]:
+    def given(self) -> dict[str, Value]:
         return {"change": self._value}
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         for material_number, material in enumerate(statement.material):
             inside = self.region is None or material.region in (None, self.region)
             if self.acts and inside and material.expansion is None:
                 yield ("material", material_number), "has no expansion, which temperature needs"
 
-    def strain(self, on: BodyCoefficients) -> Any:
+    def strain(self, on: BodyCoefficients) -> FieldValue:
         return on.expansion * on.value_in(self.region, self._value)
 
 
@@ -372,7 +376,7 @@ class Springs(Resistance):
             raise ValueError("give either normal and tangential or x and y, or one of them")
         return self
 
-    def reaction(self, y: Any, on: Coefficients) -> Any:
+    def reaction(self, y: Expr, on: Coefficients) -> Expr:
         """K y with K = k_n n n^T + k_t (I - n n^T), or diagonal, see ``Resistance``."""
         import ufl
 
@@ -461,7 +465,7 @@ class Preload(Load):
             *((("shortening by force", ("force",)),) if self.force is not None else ()),
         )
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         path = ("preload", number)
         if self.axis is not None and (reason := statement.kinematics.refused_axis(self.axis)):
             yield (*path, "axis"), reason
@@ -474,7 +478,7 @@ class Preload(Load):
         """Return whether its force determines the shortening at a place."""
         return self.force is not None and step <= self.locked_after - 1
 
-    def shortening_at(self, statement: Any, step: float) -> float:
+    def shortening_at(self, statement: Statement, step: float) -> float:
         """Return the shortening at a place in the lists of factors, length; zero for a force until
         it is found.
         """
@@ -483,19 +487,19 @@ class Preload(Load):
             return 0.0 if isnan(found) else found
         return self.value_at(statement, step)
 
-    def found_at(self, statement: Any, step: float) -> float:
+    def found_at(self, statement: Statement, step: float) -> float:
         """Return the shortening to which its force has led up to a place, length; nan: to none."""
         found = statement.found.get(id(self), {})
         return found[max(places)] if (places := [at for at in found if at <= step]) else nan
 
-    def value_at(self, statement: Any, step: float) -> float:
+    def value_at(self, statement: Statement, step: float) -> float:
         """Return the given force or shortening at a place in the lists of factors."""
         factor, current = statement.now(self, step)
         (value,) = current.given.values()
         return factor * value_of(value)
 
 
-def _without_density(statement: Any, key: str) -> Contradictions:
+def _without_density(statement: Stated, key: str) -> Contradictions:
     """The materials that have no density although an effect needs it."""
     for number, material in enumerate(statement.material):
         if material.density is None:
@@ -533,7 +537,7 @@ class PointValues:
 
 
 @lru_cache(maxsize=8)
-def _read_table(file: Path, _changed: int) -> tuple[Array, Any]:
+def _read_table(file: Path, _changed: int) -> tuple[Array, Callable[[Array], Array]]:
     """The middle of the points, shape (d,), and the interpolation."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from functools import reduce
 from importlib import import_module
 from operator import or_
+from types import UnionType
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, TypeAdapter
@@ -51,7 +52,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Material]:
     return load_class(MATERIALS, name, Material)
 
 
-def read_material(entry: Any) -> Any:
+def read_material(entry: object) -> Material:
     """A material from a table; itself if it is one."""
     if isinstance(entry, Material):
         return entry
@@ -60,7 +61,7 @@ def read_material(entry: Any) -> Any:
     ).validate_python(entry)
 
 
-def every_entry() -> Any:
+def every_entry() -> type[Material] | UnionType:
     """The type of any material of this package, for help and messages: this imports all of them."""
     return reduce(
         or_, (_of_file(*place) for place in (_ORTHOTROPIC, *NONLINEAR.values())), LinearElastic

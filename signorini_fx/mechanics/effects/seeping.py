@@ -5,11 +5,9 @@ Where it is, is in ``mechanics.body.seeping``, which is imported where a step is
 
 from __future__ import annotations
 
-from typing import Any
-
 from pydantic import Field
 
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, not_yet
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Stated, not_yet
 from signorini_fx.mechanics.statement.values import TimedSampledValue
 
 
@@ -53,7 +51,7 @@ class Seeping(ContactPart):
     pressure: TimedSampledValue = Field(kw_only=False)
     side: str
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         contact = statement.contact[number]
         if not contact.opens:
             yield ("contact", number, "seeping"), f"is for contact that opens, not {contact.kind!r}"

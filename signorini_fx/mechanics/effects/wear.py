@@ -5,11 +5,9 @@ What a step wears is in ``mechanics.body.wear``, which is imported where one is 
 
 from __future__ import annotations
 
-from typing import Any
-
 from pydantic import Field
 
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, not_yet
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Stated, not_yet
 from signorini_fx.mechanics.statement.values import NonNegativeValue, TimedSampledValue
 
 
@@ -45,7 +43,7 @@ class Archard(ContactPart):
     coefficient: NonNegativeValue = Field(kw_only=False)
     distance: TimedSampledValue | None = None
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         contact = statement.contact[number]
         place = ("contact", number, "wear")
         if not contact.opens:

@@ -11,19 +11,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import basix
 import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
+from ufl.finiteelement import AbstractFiniteElement
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Expr, Indices
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form, strain_degree
-from signorini_fx.mechanics.elasticity.moduli import CellwiseStiffness
+from signorini_fx.mechanics.elasticity.moduli import CellwiseStiffness, Coefficient
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
@@ -40,11 +41,12 @@ class ElementStress:
 
     displacement: fem.Function  # y, whose values may change
     kinematics: Kinematics  # of the displacement
-    in_space: Any  # shape (3, 3); of the displacement at the time of the last ``refresh``
-    compliance: Callable[[Any], Any]  # components tau of a difference of stresses -> C^-1 tau : tau
-    modulus: Any  # the largest normal stress per strain, lambda + 2 mu
+    in_space: Expr  # shape (3, 3); of the displacement at the time of the last ``refresh``
+    # From the components tau of a difference of stresses: C^-1 tau : tau.
+    compliance: Callable[[Expr], Expr]
+    modulus: Expr | None  # the largest normal stress per strain, lambda + 2 mu
     # mu, the mean one of an orthotropic material; None: the body is not known to be isotropic
-    shear_modulus: Any
+    shear_modulus: Coefficient | None
     interpolated: Sequence[Interpolation] = ()  # what it does not see of the displacement itself
     # The cells of each part within which the stress has no jumps, local numbers, ghosts included.
     parts: Sequence[Indices] = ()
@@ -59,22 +61,22 @@ class ElementStress:
             function.interpolate(expression)
 
     @property
-    def around(self) -> Any:
+    def around(self) -> Expr:
         """Return the factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
         return self.kinematics.measure(position(self.displacement))
 
     @property
-    def sigma(self) -> Any:
+    def sigma(self) -> Expr:
         """Along the axes of the displacement, shape (d, d)."""
         axes = range(self.kinematics.dimension)
         return ufl.as_matrix([[self.in_space[i, j] for j in axes] for i in axes])
 
     @property
-    def components(self) -> Any:
+    def components(self) -> Expr:
         """Return the components of the strain that the strain energy contains, shape (m,)."""
         return ufl.as_vector([self.in_space[pair] for pair in self.kinematics.stressed])
 
-    def squared(self, difference: Any, times: Any, dx: Any) -> Any:
+    def squared(self, difference: Expr, times: Expr, dx: ufl.Measure) -> ufl.Form:
         """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a
         factor.
         """
@@ -102,9 +104,8 @@ class SceneLaw:
     statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace  # of the displacement
-    lame: tuple[
-        Any, Any
-    ]  # Lame parameters as coefficients, of materials that are not isotropic their means
+    # Lame parameters as coefficients, of materials that are not isotropic their means
+    lame: tuple[Coefficient, Coefficient]
     stiffness: CellwiseStiffness | None = None  # where a material is not isotropic; None: all are
     reduced: int | None = (
         None  # quadrature degree of the volumetric term where it is reduced, else None
@@ -125,23 +126,25 @@ class SceneLaw:
         return fem.Function(self.space, name="displacement")
 
     @property
-    def uniform_strain(self) -> Any:
+    def uniform_strain(self) -> Expr:
         """The initial strain of one, UFL, shape (3, 3)."""
         return self.kinematics.uniform_strain
 
-    def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
+    def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
         """The stress of a strain, UFL, both of shape (3, 3), as a sum: each part with the
         quadrature degree of its work where it is reduced, else None.
         """
         raise NotImplementedError
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
+    def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
         """The stress of a displacement, which jumps have ``moved``, with initial strains, None
         without any, UFL.
         """
         raise NotImplementedError
 
-    def elastic(self, y: Any, initial: Any, *, on_axis: bool = False, apart: bool = False) -> Any:
+    def elastic(
+        self, y: Expr | None, initial: Expr | None, *, on_axis: bool = False, apart: bool = False
+    ) -> Expr:
         """The strain of a displacement, None: zero, without the initial one, None: zero, UFL, shape
         (3, 3); ``apart``: whether it is that of the reduced part, at its points.
         """
@@ -153,31 +156,35 @@ class SceneLaw:
             strain = self.kinematics.strain(y, on_axis=on_axis)
         return strain if initial is None else strain - initial * self.uniform_strain
 
-    def _strains(self, y: Any, initial: Any = None) -> tuple[Any, Any]:
+    def _strains(self, y: Expr | None, initial: Expr | None = None) -> tuple[Expr, Expr]:
         """Strains of the whole and of the reduced part, see ``elastic``."""
         return self.elastic(y, initial), self.elastic(y, initial, apart=True)
 
     # --- works, as terms to be compiled one by one ---
 
-    def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+    def terms(self, y: Expr, z: Expr) -> tuple[ufl.Form, ...]:
         """a(y, z) on displacements, UFL."""
         return self._work(self._strains(y), self._strains(z), self.degree)
 
-    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+    def strain_terms(self, z: Expr, strain: Expr, degree: int) -> tuple[ufl.Form, ...]:
         """Return the terms of an initial strain, see ``assembled``; ``degree``: of the
         quadrature.
         """
         return self._work((strain * self.uniform_strain,) * 2, self._strains(z), degree)
 
-    def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
+    def jump_terms(self, jump: fem.Function, z: Expr) -> tuple[ufl.Form, ...]:
         """Return the terms of a jump of the displacement, see ``assembled``."""
         return self.terms(jump, z)
 
-    def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
+    def force_terms(
+        self, y: fem.Function, z: Expr, moved: Expr | None = None
+    ) -> tuple[ufl.Form, ...]:
         """Return the terms of the work of the stress of y on z; ``moved``: y with jumps, if any."""
         return self.terms(y if moved is None else moved, z)
 
-    def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
+    def initial_terms(
+        self, z: Expr, jump: Expr | None, strain: Expr | None, degree: int
+    ) -> list[ufl.Form]:
         """Return the terms of the load by the stress of initial strains and of jumps of the
         displacement that are prevented; ``degree``: of the quadrature of the strains; None: there
         are none.
@@ -185,7 +192,9 @@ class SceneLaw:
         free = () if strain is None else self.strain_terms(z, strain, degree)
         return [*free, *(() if jump is None else (-term for term in self.terms(jump, z)))]
 
-    def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+    def prevented_terms(
+        self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
+    ) -> list[ufl.Form]:
         """The energy of that stress: what is missing in that of ``force_terms`` on y less their
         load.
         """
@@ -193,15 +202,17 @@ class SceneLaw:
         prevented = self._strains(jump, strain)
         return [0.5 * term for term in self._work(prevented, prevented, degree)]
 
-    def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+    def dilation_terms(
+        self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
+    ) -> list[ufl.Form]:
         """The residual of the law of a pressure, tested with its functions, and at last the
         integrals of these.
         """
         raise NotImplementedError
 
     def _work(
-        self, strains: tuple[Any, Any], tested: tuple[Any, Any], degree: int
-    ) -> tuple[Any, ...]:
+        self, strains: tuple[Expr, Expr], tested: tuple[Expr, Expr], degree: int
+    ) -> tuple[ufl.Form, ...]:
         """The work of the stress of such strains on others."""
         parts = zip(*map(self.parts, strains), strict=True)
         return tuple(
@@ -211,7 +222,7 @@ class SceneLaw:
             for (part, reduced), (apart, _) in parts
         )
 
-    def _integral(self, density: Any, degree: int) -> Any:
+    def _integral(self, density: Expr, degree: int) -> ufl.Form:
         """Over the body, with a quadrature of this degree."""
         around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
         return (
@@ -247,7 +258,7 @@ class IsotropicLaw(SceneLaw):
     Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
     """
 
-    def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
+    def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
         lame, mu = self.lame
         apart = self.reduced
         mean = lame * ufl.tr(strain) * self.uniform_strain
@@ -257,7 +268,7 @@ class IsotropicLaw(SceneLaw):
             else [(2 * mu * strain, None), (mean, apart)]
         )
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
+    def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
         lame, mu = self.lame
         kinematics = self.kinematics
         mesh = self.tagged.mesh
@@ -286,14 +297,14 @@ class CellwiseLaw(SceneLaw):
     stiffness: CellwiseStiffness
 
     @property
-    def uniform_strain(self) -> Any:
+    def uniform_strain(self) -> Expr:
         return self._tensor(self.stiffness.free_strain)
 
-    def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
+    def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
         strains = components(strain, self.kinematics.stressed)
         return [(self._tensor(ufl.dot(self.stiffness.stiffness, strains)), None)]
 
-    def _tensor(self, values: Any) -> Any:
+    def _tensor(self, values: Expr) -> Expr:
         """A tensor from its components, UFL, shape (3, 3)."""
         at = {
             pair: k
@@ -304,7 +315,7 @@ class CellwiseLaw(SceneLaw):
             [[values[at[i, j]] if (i, j) in at else 0 for j in range(3)] for i in range(3)]
         )
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
+    def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
         ((sigma, _),) = self.parts(self.elastic(moved, initial, on_axis=True))
         m = len(self.kinematics.pairs)
         stiffness = self.stiffness.stiffness
@@ -313,7 +324,11 @@ class CellwiseLaw(SceneLaw):
 
 
 def cellwise_stress(
-    y: fem.Function, kinematics: Kinematics, sigma: Any, moduli: Array, shear_modulus: Any
+    y: fem.Function,
+    kinematics: Kinematics,
+    sigma: Expr,
+    moduli: Array,
+    shear_modulus: Coefficient | None,
 ) -> ElementStress:
     """Return the stress in 3D by moduli that are constant in each cell: components of the stress,
     see ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m,
@@ -342,7 +357,13 @@ def cellwise_stress(
     )
 
 
-def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
+def compliance(
+    tau: Expr,
+    kinematics: Kinematics,
+    lame: Coefficient | None,
+    mu: Coefficient,
+    poisson: Coefficient | float = 0.5,
+) -> Expr:
     """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see
     ``Kinematics.pairs``; without the first Lame parameter, which may be infinite, it follows from
     Poisson's ratio, but not in plane stress.
@@ -358,7 +379,7 @@ def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: An
     return (square - share * trace**2) / (2 * mu)
 
 
-def element_at_points(cell: str, degree: int) -> Any:
+def element_at_points(cell: str, degree: int) -> AbstractFiniteElement:
     """The discontinuous element whose nodes are the points of a Gauss rule: one point, or two along
     each axis.
     """

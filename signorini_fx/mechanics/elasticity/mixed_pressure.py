@@ -21,6 +21,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem, la
 from dolfinx.fem import petsc as fem_petsc
@@ -28,7 +29,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.algebra.linalg.rigid_unknowns import embedding
-from signorini_fx.arrays import Array, Flags, Indices
+from signorini_fx.arrays import Array, Expr, Flags, Indices
 from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
@@ -39,7 +40,9 @@ from signorini_fx.mechanics.elasticity.elastic_law import (
     compliance,
     fields_of,
 )
-from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.elasticity.moduli import Coefficient, of_materials
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -92,7 +95,7 @@ class MixedLaw(SceneLaw):
         indicator.x.array.reshape(-1, self._materials)[space.dofmap.list[:, 0], self._part] = 1.0
         return indicator
 
-    def _pressure(self, q: Any) -> Any:
+    def _pressure(self, q: Expr) -> Expr:
         """A function or an argument of ``own`` as a pressure, UFL."""
         return q if self._materials == 1 else ufl.inner(self._component, q)
 
@@ -112,19 +115,20 @@ class MixedLaw(SceneLaw):
         total, times = (function.x.array[: self.count] for function in sums)
         return total / np.maximum(times, 1.0)
 
-    def _coefficient(self, number: Callable[[Any, float], Any]) -> Any:
+    def _coefficient(self, number: Callable[[Array | float, float], npt.ArrayLike]) -> Coefficient:
         """A number from Young's modulus, a float or an array, and Poisson's ratio, as a
         coefficient.
         """
-        (coefficient,) = of_materials(
-            self.statement,
-            self.tagged,
-            lambda one, share: (number(one.young * share, one.poisson),),
-        )
+
+        def of_material(one: Material, share: Array | float) -> tuple[npt.ArrayLike]:
+            assert isinstance(one, LinearElastic)  # no other one has a mixed element
+            return (number(one.young * share, one.poisson),)
+
+        (coefficient,) = of_materials(self.statement, self.tagged, of_material)
         return coefficient
 
     @cached_property
-    def _yields(self) -> Any:
+    def _yields(self) -> Coefficient:
         """1 / lambda."""
         return self._coefficient(lambda young, nu: (1 + nu) * (1 - 2 * nu) / (young * nu))
 
@@ -152,11 +156,11 @@ class MixedLaw(SceneLaw):
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         return self.forms[:1]
 
-    def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
+    def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
         """Return the parts of the stress without the pressure."""
         return [(2 * self.lame[1] * strain, None)]
 
-    def _constraint(self, y: Any, p: Any) -> tuple[Any, ...]:
+    def _constraint(self, y: Expr, p: Expr) -> tuple[ufl.Form, ...]:
         """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in
         multiples of a unit.
 
@@ -171,7 +175,7 @@ class MixedLaw(SceneLaw):
         densities = -unit * ufl.tr(self.kinematics.strain(y)) * q, -(unit**2) * self._yields * p * q
         return tuple(self._integral(density, self.degree) for density in densities)
 
-    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+    def strain_terms(self, z: Expr, strain: Expr, degree: int) -> tuple[ufl.Form, ...]:
         """The work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
 
         With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I,
@@ -181,7 +185,7 @@ class MixedLaw(SceneLaw):
         q = self._pressure(ufl.TestFunction(self.own))
         return (self._integral(self._swelling * strain * q, degree),)
 
-    def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
+    def jump_terms(self, jump: fem.Function, z: Expr) -> tuple[ufl.Form, ...]:
         """The second one is of the change of volume."""
         dilation = ufl.tr(self.kinematics.strain(jump)) * self._pressure(ufl.TestFunction(self.own))
         return *self.terms(jump, z), self._integral(-dilation, self.degree)
@@ -193,15 +197,21 @@ class MixedLaw(SceneLaw):
         *of_displacement, of_pressure = forms
         return super().assembled(of_displacement, owned)[0], assemble(of_pressure)
 
-    def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
+    def force_terms(
+        self, y: fem.Function, z: Expr, moved: Expr | None = None
+    ) -> tuple[ufl.Form, ...]:
         pressed = self._integral(-fields_of(y)[1] * ufl.tr(self.kinematics.strain(z)), self.degree)
         return *super().force_terms(y, z, moved), pressed
 
-    def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
+    def initial_terms(
+        self, z: Expr, jump: Expr | None, strain: Expr | None, degree: int
+    ) -> list[ufl.Form]:
         """Return the terms of jumps; strains act on the pressure alone."""
         return super().initial_terms(z, jump, None, degree)
 
-    def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+    def prevented_terms(
+        self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
+    ) -> list[ufl.Form]:
         terms = []
         pressure = fields_of(y)[1]
         if jump is not None:
@@ -218,7 +228,9 @@ class MixedLaw(SceneLaw):
             )
         return terms
 
-    def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+    def dilation_terms(
+        self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
+    ) -> list[ufl.Form]:
         """The weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
         q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
@@ -228,13 +240,13 @@ class MixedLaw(SceneLaw):
         return [*terms, self._integral(q, self.degree)]
 
     @cached_property
-    def _swelling(self) -> Any:
+    def _swelling(self) -> Coefficient:
         """Return the change of volume that an initial strain of one causes in the constraint, (1 +
         nu) / nu.
         """
         return self._coefficient(lambda _, nu: (1 + nu) / nu)
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
+    def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
         _, mu = self.lame
         kinematics = self.kinematics
         poisson = self._coefficient(lambda _, nu: nu)
@@ -333,7 +345,7 @@ class MixedLaw(SceneLaw):
         part = self._part
         pieces = find_pieces(self.space.mesh)
         comm = self.space.mesh.comm
-        works = list[Array]()
+        works = []
         soft = [
             number
             for number, material in enumerate(self.statement.material)

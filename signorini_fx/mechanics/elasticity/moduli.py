@@ -8,21 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import basix
 import numpy as np
+import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.materials.protocol import PAIRS
+from signorini_fx.mechanics.materials.protocol import PAIRS, Material
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_IN_SOLUTION
+
+# A number of the materials on the mesh: of one material a constant, of several a function.
+Coefficient = fem.Constant | fem.Function
 
 
 def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
@@ -52,8 +55,10 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
 
 
 def of_materials(
-    statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
-) -> tuple[Any, ...]:
+    statement: Statement,
+    tagged: TaggedMesh,
+    numbers: Callable[[Material, Array | float], tuple[npt.ArrayLike, ...]],
+) -> tuple[Coefficient, ...]:
     """Numbers of the materials: constants of one material, cell-wise functions of several and of
     graded ones; ``numbers`` gives them from a material and the values of its grading in its cells;
     collective.
@@ -75,7 +80,7 @@ def of_materials(
     return functions
 
 
-def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, Any]:
+def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Coefficient, Coefficient]:
     """Lame parameters, see ``of_materials``; collective."""
     first, second = of_materials(
         statement, tagged, lambda material, share: tuple(share * number for number in material.lame)

@@ -5,15 +5,14 @@ revolution.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Expr, FieldValue, Flags
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 
@@ -74,7 +73,7 @@ class Kinematics:
         return [*self.pairs, *([(2, 2)] if self.prevented else [])]
 
     @property
-    def uniform_strain(self) -> Any:
+    def uniform_strain(self) -> Expr:
         """Return the unit strain in all directions, in plane stress without that across the mesh,
         UFL, shape (3, 3).
         """
@@ -102,7 +101,7 @@ class Kinematics:
         return np.array(self.motions_without_strain or (True,) * self.motions)
 
     def refused_axis(
-        self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None
+        self, axis: Sequence[float] | None, about: Sequence[float] | None = None
     ) -> str:
         """Why nothing acts along or about an axis, x[2] unless given, through a point; empty: it
         may.
@@ -115,7 +114,7 @@ class Kinematics:
 
     # --- forms ------------------------------------------------------------------------------------
 
-    def strain(self, y: Any, *, on_axis: bool = False) -> Any:
+    def strain(self, y: Expr, *, on_axis: bool = False) -> Expr:
         """Linearised strain, epsilon(y) of section 2.1, UFL, shape (3, 3); for the arguments see
         ``gradient``.
         """
@@ -123,7 +122,7 @@ class Kinematics:
 
         return ufl.sym(self.gradient(y, on_axis=on_axis))
 
-    def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
+    def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
         """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3); ``on_axis``:
         whether it is wanted where x[0] = 0 too, as a limit.
         """
@@ -131,13 +130,13 @@ class Kinematics:
 
         return padded(ufl.grad(y), self.dimension)
 
-    def mean_gradient(self, y: Any) -> Any:
+    def mean_gradient(self, y: Expr) -> Expr:
         """Return the tensor that has at the middle of a cell the mean of ``gradient`` over the body
         in it, but for shears of torsion, UFL, shape (3, 3).
         """
         return self.gradient(y)
 
-    def measure(self, x: Any) -> Any:
+    def measure(self, x: FieldValue) -> FieldValue | float:
         """Return the factor of areas and lengths of the mesh at x, UFL of shape (d,) or numbers of
         shape (d, n).
         """
@@ -159,7 +158,7 @@ PLANE_STRESS = Kinematics(
 )
 
 
-def padded(tensor: Any, dimension: int, outward: Any = 0) -> Any:
+def padded(tensor: Expr, dimension: int, outward: Expr | float = 0) -> Expr:
     """The components of a tensor along the first axes, and one across the mesh, UFL, shape (3,
     3).
     """
@@ -172,7 +171,7 @@ def padded(tensor: Any, dimension: int, outward: Any = 0) -> Any:
     return ufl.as_tensor(rows)
 
 
-def components(tensor: Any, pairs: Iterable[tuple[int, int]]) -> Any:
+def components(tensor: Expr, pairs: Iterable[tuple[int, int]]) -> Expr:
     """Components of a strain, of shear twice epsilon_ij, UFL."""
     import ufl
 
@@ -187,7 +186,7 @@ def tensors(values: Array, pairs: Iterable[tuple[int, int]]) -> Array:
     return tensors
 
 
-def position(y: Any) -> Any:
+def position(y: Expr) -> Expr:
     """The place that an expression is taken at, UFL."""
     import ufl
 
@@ -197,7 +196,7 @@ def position(y: Any) -> Any:
 # --- bodies of revolution about x[1], of which the mesh is half of a section: x[0] is the radius r
 
 
-def off_axis(y: Any) -> Any:
+def off_axis(y: Expr) -> Expr:
     """Whether a place of UFL is off the axis, by more than the round-off of coordinates in
     files.
     """
@@ -229,7 +228,7 @@ class BodyOfRevolution(Kinematics):
     axis: tuple[float, ...] | None = (0.0, 1.0)
 
     def refused_axis(
-        self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None
+        self, axis: Sequence[float] | None, about: Sequence[float] | None = None
     ) -> str:
         if axis is not None and len(axis) == 2 and axis[0] == 0 and (about or (0.0,))[0] == 0:
             return ""
@@ -239,7 +238,7 @@ class BodyOfRevolution(Kinematics):
         """The length of half a revolution."""
         return math.pi * size
 
-    def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
+    def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
         """Return the gradient with the stretch of the circumference, whose limit on the axis is the
         radial strain.
         """
@@ -253,7 +252,7 @@ class BodyOfRevolution(Kinematics):
             )
         return padded(ufl.grad(y), 2, stretch)
 
-    def mean_gradient(self, y: Any) -> Any:
+    def mean_gradient(self, y: Expr) -> Expr:
         """Return the gradient in the middle of the volume, which is more where the radius is
         larger, and the mean stretch of the circumference.
         """
@@ -264,15 +263,15 @@ class BodyOfRevolution(Kinematics):
         radius = position(y)[0]
         domain = ufl.domain.extract_unique_domain(y)
         jacobian = ufl.Jacobian(domain)
-        own: Any = ufl.as_matrix(_SECOND_MOMENTS[compat.cell_name(domain)])
-        moments: Any = jacobian * own * jacobian.T
+        own = ufl.as_matrix(_SECOND_MOMENTS[compat.cell_name(domain)])
+        moments = jacobian * own * jacobian.T
         curved = ufl.grad(ufl.grad(y))
         i, j, k = ufl.indices(3)
         slopes = ufl.grad(y) + ufl.as_tensor(curved[i, j, k] * moments[k, 0] / radius, (i, j))
         stretch = (y[0] + ufl.inner(moments, ufl.grad(ufl.grad(y[0]))) / 2) / radius
         return padded(slopes, 2, stretch)
 
-    def measure(self, x: Any) -> Any:
+    def measure(self, x: FieldValue) -> FieldValue:
         """The length of the circumference."""
         return 2 * math.pi * x[0]
 
@@ -304,7 +303,7 @@ class TwistedBody(BodyOfRevolution):
     x[1] moves by -angle x[0] along it.
     """
 
-    def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
+    def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
         """Has the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which
         vanish on the axis.
         """

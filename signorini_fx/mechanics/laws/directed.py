@@ -13,18 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, WrapValidator, model_validator
 
-from signorini_fx.arrays import Array, inner
+from signorini_fx.arrays import Array, Flags, Integers, inner
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Entries, SampledValue, value
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, ROOT_OF_EPS
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
 VectorField = Annotated[
@@ -64,7 +67,7 @@ class FrictionAxes:
             np.concatenate([part.ratio for part in axes]),
         )
 
-    def at(self, points: Any) -> FrictionAxes:
+    def at(self, points: Flags | Integers | slice) -> FrictionAxes:
         """Return the axes of some of the points."""
         return FrictionAxes(self.along[points], self.ratio[points])
 
@@ -84,7 +87,7 @@ class FrictionAxes:
         """What the axes are multiplied by, (1, r), shape (n, 1, 2)."""
         return np.stack((np.ones_like(self.ratio), self.ratio), axis=1)[:, None]
 
-    def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: Any) -> None:
+    def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: MPI.Comm) -> None:
         """Refuse axes without a direction at points of one foundation, and supports that are not
         along them;
         ``movable``: see ``ContactPoints``, along these axes; ``path``: of the law, for errors;
@@ -98,7 +101,7 @@ class FrictionAxes:
         _refuse_where(~(across > CERTIFICATE_TOLERANCE * longest), f"{path}.along", reason, comm)
         self.check_supports(movable(), path, comm)
 
-    def check_supports(self, movable: Array, path: str, comm: Any) -> None:
+    def check_supports(self, movable: Array, path: str, comm: MPI.Comm) -> None:
         """Whether what may move at the points is along the axes, see ``check``; collective."""
         askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > ROOT_OF_EPS
         why = (
@@ -110,7 +113,7 @@ class FrictionAxes:
         )
 
 
-def _refuse_where(wrong: Any, key: str, reason: str, comm: Any) -> None:
+def _refuse_where(wrong: Flags, key: str, reason: str, comm: MPI.Comm) -> None:
     """Refuse a law if any point of any rank is wrong; collective."""
     from signorini_fx.machine import parallel
 
@@ -153,7 +156,9 @@ class DirectedLaw(FrictionLaw):
             along(x) if callable(along) else [sample(component, x) for component in along]
         )
 
-    def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
+    def axes(
+        self, at: Callable[..., Array], path: str, dimension: int, comm: MPI.Comm
+    ) -> FrictionAxes | None:
         """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at
         nodes, see ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors;
         collective.

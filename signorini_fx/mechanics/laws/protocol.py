@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Flags, Integers, Value
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import is_zero
@@ -41,9 +41,9 @@ class Envelope(NamedTuple):
         cap: stress; None: there is none.
     """
 
-    given: Any
-    coefficient: Any
-    cap: Any = None
+    given: Array
+    coefficient: Array
+    cap: Array | None = None
 
 
 class FrictionLaw(Table):
@@ -153,20 +153,20 @@ class FrictionLaw(Table):
         )
 
     @property
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, Value]:
         """Return the parameters that are not None by their names."""
         values = {
             key: getattr(self, key) for key in type(self).model_fields if key not in self.apart
         }
         return {key: value for key, value in values.items() if value is not None}
 
-    def with_values(self, of: Callable[[str, Any], Any]) -> Self:
+    def with_values(self, of: Callable[[str, Any], Value | Array]) -> Self:
         """Return the law with other parameters, made from their names and values."""
         return self.model_copy(
             update={key: of(key, value) for key, value in self.parameters.items()}
         )
 
-    def at(self, points: Any) -> Self:
+    def at(self, points: Flags | Integers | slice) -> Self:
         """A law whose parameters are arrays at some of their entries."""
         return self.with_values(lambda _, values: values[points])
 
@@ -176,6 +176,6 @@ class FrictionLaw(Table):
         return False
 
 
-def acting(*values: Any) -> bool:
+def acting(*values: Value | None) -> bool:
     """Whether a value is there and not the number zero."""
     return any(value is not None and not is_zero(value) for value in values)

@@ -129,7 +129,7 @@ class SpeedTable(SpeedLaw):
 
     @model_validator(mode="after")
     def _table(self) -> Self:
-        wrong = list[tuple[tuple[str], str]]()
+        wrong = []
         if self.speeds[0] != 0 or (np.diff(self.speeds) <= 0).any():
             wrong.append((("speeds",), "must begin with 0 and increase"))
         if len(self.speeds) != len(self.coefficients):

@@ -11,21 +11,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
+from signorini_fx.arrays import Expr
+from signorini_fx.mechanics.effects.loads import Traction
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC, Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import ForceDensity, is_zero
+from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, is_zero
 from signorini_fx.mechanics.statement.statement import Statement
 
 
-def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
+def follower_pressure(
+    pressure: Expr | float, u: fem.Function, *, axisymmetric: bool = False
+) -> Expr:
     """Return the traction of a pressure on the deformed boundary, per undeformed area, UFL, a
     stress, shape (d,).
 
@@ -50,7 +53,7 @@ def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = Fa
     return _traction(pressure, u, kinematics)
 
 
-def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
+def _traction(pressure: Expr | float, u: fem.Function, kinematics: Kinematics) -> Expr:
     mesh = u.function_space.mesh
     dim = len(u)
     gradient = ufl.Identity(3) + kinematics.gradient(u)
@@ -60,7 +63,7 @@ def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
     return -pressure * ufl.as_vector([along[k] for k in range(dim)])
 
 
-def following(statement: Statement) -> list[Any]:
+def following(statement: Statement) -> list[Traction]:
     """The tractions of a statement whose pressure follows the body: where materials know finite
     strains.
     """
@@ -68,7 +71,7 @@ def following(statement: Statement) -> list[Any]:
     return [traction for traction in tractions if not is_zero(traction.pressure)]
 
 
-def carried_loads(statement: Statement) -> list[Any]:
+def carried_loads(statement: Statement) -> list[ForceDensity]:
     """The forces of a statement in the body that are those of displaced places."""
     forces = statement.of(ForceDensity) if statement.finite_strains else []
     return [force for force in forces if force.carried and force.acts]
@@ -81,7 +84,7 @@ class _DisplacedCoefficients(FormCoefficients):
     displacement: fem.Function
 
     @property
-    def position(self) -> Any:
+    def position(self) -> Expr:
         """X + u."""
         return super().position + self.displacement
 
@@ -90,7 +93,7 @@ def without_followers(statement: Statement) -> Statement:
     """Return the statement without pressures and centrifugal forces that follow the body."""
     leaving, pressed = ([*map(id, of(statement))] for of in (carried_loads, following))
 
-    def kept(entries: tuple[Any, ...]) -> tuple[Any, ...]:
+    def kept(entries: tuple[Effect, ...]) -> tuple[Effect, ...]:
         staying = (entry for entry in entries if id(entry) not in leaving)
         return tuple(
             entry.model_copy(update={"pressure": 0.0}) if id(entry) in pressed else entry
@@ -104,14 +107,19 @@ def without_followers(statement: Statement) -> Statement:
 class Followers:
     """The loads of a scene that follow its body."""
 
-    works: Sequence[Any]  # of each of them with a test function, negative as in a residual, UFL
-    effects: Sequence[Any]  # the tractions with a pressure, and centrifugal forces
+    works: Sequence[ufl.Form]  # of each with a test function, negative as in a residual
+    effects: Sequence[ForceDensity]  # the tractions with a pressure, and centrifugal forces
     factors: Sequence[fem.Constant]  # their load factors of now
     on: FormCoefficients  # gives their values at a time
 
     @classmethod
     def of(
-        cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any
+        cls,
+        statement: Statement,
+        tagged: TaggedMesh,
+        u: fem.Function,
+        ds: ufl.Measure,
+        dx: ufl.Measure,
     ) -> Followers:
         """Return the loads of a statement that follow the body, at ``u``; ``ds(1)`` and so on
         integrate over the boundaries of pressures.

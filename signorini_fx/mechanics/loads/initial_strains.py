@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from signorini_fx.arrays import Array, Flags, Indices
+from signorini_fx.arrays import Array, Expr, Flags, Indices
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
@@ -223,7 +223,7 @@ def holds(
 
 def given_strains(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
-) -> tuple[Any, Any, Callable[[float], None]]:
+) -> tuple[Expr | None, Expr | None, Callable[[float], None]]:
     """All initial strains together in each direction, and all jumps together, UFL, None without
     any, as in the first load step, and what moves them to a place; collective.
     """

@@ -13,7 +13,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Expr, Indices, Value
 from signorini_fx.errors import SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -27,6 +27,7 @@ from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import (
+    Coefficient,
     cellwise_stiffness,
     check_covers,
     lame_coefficients,
@@ -129,18 +130,18 @@ class FormCoefficients:
     def _computed(self) -> dict[str, fem.Function]:
         return {}
 
-    def computed(self, name: str) -> Any:
+    def computed(self, name: str) -> fem.Function:
         """Return what effects have computed at the nodes, see ``BodyCoefficients``."""
         if name not in self._computed:
             space = fem.functionspace(self.space.mesh, ("Lagrange", self.degree))
             self._computed[name] = fem.Function(space)
         return self._computed[name]
 
-    def entries(self, key: str) -> tuple[Any, ...]:
+    def entries(self, key: str) -> tuple[Effect, ...]:
         """Return the entries of a key of the scene."""
         return self.statement.effects.get(key, ())
 
-    def of_material(self, key: str) -> Any:
+    def of_material(self, key: str) -> Coefficient:
         """Return a number of the materials: a constant, or a function that is constant in each
         cell.
         """
@@ -155,22 +156,22 @@ class FormCoefficients:
         return int(self.space.element.basix_element.degree)
 
     @property
-    def normal(self) -> Any:
+    def normal(self) -> Expr:
         """Outward unit normal."""
         return ufl.FacetNormal(self.space.mesh)
 
     @property
-    def position(self) -> Any:
+    def position(self) -> Expr:
         """X."""
         return ufl.SpatialCoordinate(self.space.mesh)
 
     @cached_property
-    def density(self) -> Any:
+    def density(self) -> Coefficient:
         """Mass per volume."""
         return self.of_material("density")
 
     @cached_property
-    def expansion(self) -> Any:
+    def expansion(self) -> Coefficient:
         """Coefficient of thermal expansion."""
         return self.of_material("expansion")
 
@@ -196,7 +197,7 @@ class FormCoefficients:
             else CellwiseLaw(*of, lame, stiffness)
         )
 
-    def value_in(self, region: str | None, value: Any) -> Any:
+    def value_in(self, region: str | None, value: Value) -> Expr:
         """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
         if region is None:
             return self.value(value)
@@ -206,11 +207,11 @@ class FormCoefficients:
         return indicator * self.value(value, cells)
 
     @cached_property
-    def _totals(self) -> dict[tuple[str, Any], fem.Constant]:
+    def _totals(self) -> dict[tuple[str, Value], fem.Constant]:
         return {}
 
     @property
-    def around(self) -> Any:
+    def around(self) -> Expr | float:
         """Return the factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
         return self.kinematics.measure(self.position)
 
@@ -219,7 +220,7 @@ class FormCoefficients:
         """Return the kinematics of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
-    def total(self, effect: Any) -> Any:
+    def total(self, effect: Any) -> fem.Constant:
         """The integral of ``effect.spread`` over the boundary of the effect, which must not be
         zero; collective.
         """
@@ -248,7 +249,7 @@ class FormCoefficients:
             (path for path, entry in self.statement.listed() if entry is effect), effect.label
         )
 
-    def value(self, value: Any, cells: Indices | None = None) -> Any:
+    def value(self, value: Value, cells: Indices | None = None) -> Expr:
         """A value as a coefficient; a callable is interpolated in some cells, without them in
         all.
         """
@@ -276,14 +277,14 @@ class FormCoefficients:
         parallel.raise_together(mesh.comm, error)
         return function
 
-    def vector(self, values: tuple[Any, ...]) -> Any:
+    def vector(self, values: Sequence[Value]) -> Expr:
         """Values along the axes as a vector, shape (d,)."""
         return ufl.as_vector(
             [self.value(value) for value in values[: self.space.mesh.geometry.dim]]
         )
 
 
-def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[Any]:
+def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[ufl.Measure]:
     """Integration over what each effect acts on, the body, or the facets of its boundary."""
     ds = measure(
         tagged.mesh,
@@ -297,6 +298,7 @@ def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[Any]:
 # The factors that loads of one vector have in common, None of those that depend on the time and
 # have none; whether they depend on the time; and whether they are balanced, see ``AppliedLoad``.
 LoadGroup = tuple[Sequence[float] | None, bool, bool]
+_Effect = TypeVar("_Effect", bound=Effect)
 _Load = TypeVar("_Load", bound=Load)
 
 
@@ -324,7 +326,7 @@ def applied_load(
     group: LoadGroup,
     loads: list[Load],
     on: FormCoefficients,
-    z: Any,
+    z: Expr,
     supports: SupportsAt,
     compiled: tuple[fem.Form, ...] | None = None,
     step: float = 0,
@@ -349,6 +351,7 @@ def applied_load(
     if turned is not None:
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    forces: Array
     forces, pressure_load = (
         on.elastic.assembled(forms, owned)
         if balanced
@@ -395,7 +398,7 @@ def driving_load(
     )
 
 
-def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[fem.Form, ...]:
+def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Expr) -> tuple[fem.Form, ...]:
     """The terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of initial
     strains.
     """
@@ -413,7 +416,7 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
 
 
 def compile_resistance(
-    acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any
+    acting: Sequence[Resistance], on: FormCoefficients, y: Expr, z: Expr
 ) -> fem.Form | None:
     """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled
     together.
@@ -425,7 +428,7 @@ def compile_resistance(
     )
 
 
-def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> Any:
+def _asked(effect: Effect, method: str, on: FormCoefficients, *arguments: Expr) -> Expr:
     """What a method of an effect gives, UFL, or a ``SceneError`` of one of another package that
     gives none.
     """
@@ -447,7 +450,7 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
 
 
 def _compiled(
-    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
+    effects: Sequence[_Effect], integrand: Callable[[_Effect], Expr], on: FormCoefficients
 ) -> fem.Form:
     """The integrals of effects over what each of them acts on."""
     where = measures(effects, on.tagged)

@@ -12,7 +12,7 @@ import numpy as np
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, Value
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -30,6 +30,7 @@ from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
+    from signorini_fx.mechanics.effects.loads import PointForce
     from signorini_fx.mechanics.statement.statement import Statement
 
 Conditions = list[tuple[Displacement, fem.DirichletBC]]
@@ -113,7 +114,7 @@ def conditions_on(
 
     dim = space.mesh.topology.dim - 1
     supports = Conditions()
-    skew = list[SkewSupport]()
+    skew = []
     for index, effect in enumerate(statement.displacement):
         if not effect.holds_at(step):
             continue
@@ -156,7 +157,7 @@ def conditions_on(
     return supports, skew
 
 
-def _times(sign: float, value: Any) -> Any:
+def _times(sign: float, value: Value) -> Value:
     """A component of a displacement along a normal."""
     return sign * value if isinstance(value, float) else lambda x: sign * sample(value, x)
 
@@ -268,7 +269,9 @@ def check_overlap(
 # --- what acts at single nodes --------------------------------------------------------------------
 
 
-def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh) -> Ints:
+def node_at(
+    space: fem.FunctionSpace, effect: Displacement | PointForce, path: str, tagged: TaggedMesh
+) -> Ints:
     """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts
     included, shape (1,) or (0,); there must be one on all ranks together; ``path``: for errors;
     collective.

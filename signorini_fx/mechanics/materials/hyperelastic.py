@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from signorini_fx.arrays import Expr
 from signorini_fx.mechanics.materials.nonlinear import (
     Hyperelastic,
     PoissonBelowHalf,
@@ -46,7 +47,7 @@ class NeoHooke(Hyperelastic):
     poisson: PoissonBelowHalf
     isochoric: bool = False
 
-    def shape_energy_by_change(self, change: Any) -> Any:
+    def shape_energy_by_change(self, change: Expr) -> Expr:
         import ufl
 
         shear, _ = self.constants_at_rest
@@ -58,7 +59,7 @@ class NeoHooke(Hyperelastic):
             return shear * (beyond + 3 / 2 * curved + further)
         return shear * (beyond - logarithm_beyond_line(grown))
 
-    def volume_energy_by_change(self, growth: Any) -> Any:
+    def volume_energy_by_change(self, growth: Expr) -> Expr:
         shear, bulk = self.constants_at_rest
         if self.isochoric:
             return bulk / 2 * growth**2
@@ -102,7 +103,7 @@ class MooneyRivlin(Hyperelastic):
     def constants_at_rest(self) -> tuple[float, float]:
         return 2 * (self.c10 + self.c01), self.bulk
 
-    def shape_energy_by_change(self, change: Any) -> Any:
+    def shape_energy_by_change(self, change: Expr) -> Expr:
         """C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
         import ufl
 
@@ -117,7 +118,7 @@ class MooneyRivlin(Hyperelastic):
         further = second + (first + second) * (steeper - 4 / 3 * grown)
         return energy + self.c01 * (4 * beyond + 3 * steeper + 4 * further)
 
-    def volume_energy_by_change(self, growth: Any) -> Any:
+    def volume_energy_by_change(self, growth: Expr) -> Expr:
         return self.bulk / 2 * growth**2
 
 
@@ -176,7 +177,7 @@ class Ogden(Hyperelastic):
         if dimension == 3:
             yield ("law",), "'ogden' is not possible in 3D yet: take 'mooney-rivlin'"
 
-    def shape_energy_by_change(self, change: Any) -> Any:
+    def shape_energy_by_change(self, change: Expr) -> Expr:
         """F has no shear across the mesh.  C has the mean 1 + m in the section."""
         strain = green_strain(change)
         grown = growth(change)
@@ -199,11 +200,11 @@ class Ogden(Hyperelastic):
             )
         return energy
 
-    def volume_energy_by_change(self, growth: Any) -> Any:
+    def volume_energy_by_change(self, growth: Expr) -> Expr:
         return self.bulk / 2 * growth**2
 
 
-def _beyond_mean(ratio: Any, power: float) -> Any:
+def _beyond_mean(ratio: Expr, power: float) -> Expr:
     """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL; near 0, where r is not smooth, its
     series in r^2.
     """
@@ -244,7 +245,7 @@ class SaintVenantKirchhoff(Hyperelastic):
     young: Positive
     poisson: PoissonBelowHalf
 
-    def shape_energy_by_change(self, change: Any) -> Any:
+    def shape_energy_by_change(self, change: Expr) -> Expr:
         import ufl
 
         shear, bulk = self.constants_at_rest

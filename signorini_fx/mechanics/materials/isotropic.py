@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
+from signorini_fx.arrays import Expr
 from signorini_fx.mechanics.materials.protocol import Material
-from signorini_fx.mechanics.statement.effect import Contradictions
+from signorini_fx.mechanics.statement.effect import Contradictions, Stated
 from signorini_fx.mechanics.statement.values import Positive
 from signorini_fx.tuned import LOCKING_POISSON, SAME_NUMBER
 
@@ -35,7 +36,7 @@ class LinearElastic(Material):
     poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
     yield_stress: Positive | None = None
 
-    def stress(self, strain: Any) -> Any:
+    def stress(self, strain: Expr) -> Expr:
         import ufl
 
         mu = self.young / (2 * (1 + self.poisson))
@@ -76,7 +77,7 @@ class LinearElastic(Material):
             and self.hypothesis != "plane stress"
         )
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         apart = not all(material.isotropic for material in statement.material)
         if statement.element.pressed:

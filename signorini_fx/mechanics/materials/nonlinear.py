@@ -33,17 +33,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Expr
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Material
-from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
+from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance, Stated
 from signorini_fx.tuned import NEAR_ONE
 
 PoissonBelowHalf = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
@@ -108,7 +108,7 @@ class NonlinearMaterial(Material):
         named = ("nonlinear material", "finite strain") if self.finite else ("nonlinear material",)
         return tuple((name, ()) for name in named)
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         if self.grading is not None:
             yield ("material", number, "grading"), f"{_NOT_YET}: give regions"
@@ -133,7 +133,7 @@ class NonlinearMaterial(Material):
         if self.finite:
             yield from self._contradictions_of_finite_strains(statement)
 
-    def _contradictions_of_finite_strains(self, statement: Any) -> Contradictions:
+    def _contradictions_of_finite_strains(self, statement: Stated) -> Contradictions:
         for row, traction in enumerate(statement.effects.get("traction", ())):
             if hasattr(traction.pressure, "ufl_shape"):
                 reason = (
@@ -163,7 +163,7 @@ class NonlinearMaterial(Material):
 
     # --- what linear materials say ---
 
-    def stress(self, strain: Any) -> Any:
+    def stress(self, strain: Expr) -> Expr:
         return self.at_rest.stress(strain)
 
     @property
@@ -192,17 +192,17 @@ class Hyperelastic(NonlinearMaterial):
 
     finite = True
 
-    def shape_energy(self, gradient: Any) -> Any:
+    def shape_energy(self, gradient: Expr) -> Expr:
         """Return the stored energy without ``volume_energy``, per undeformed volume, UFL,
         a number.
         """
         raise NotImplementedError
 
-    def volume_energy(self, volume: Any) -> Any:
+    def volume_energy(self, volume: Expr) -> Expr:
         """Return the energy of the volume J = det F, UFL, a number."""
         return 0 * volume
 
-    def shape_energy_by_change(self, change: Any) -> Any:
+    def shape_energy_by_change(self, change: Expr) -> Expr:
         """Return ``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps
         the digits of grad u.
         """
@@ -210,11 +210,11 @@ class Hyperelastic(NonlinearMaterial):
 
         return self.shape_energy(ufl.Identity(3) + change)
 
-    def volume_energy_by_change(self, growth: Any) -> Any:
+    def volume_energy_by_change(self, growth: Expr) -> Expr:
         """Return ``volume_energy`` from the change of volume J - 1, UFL, a number."""
         return self.volume_energy(1 + growth)
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         if statement.element.volumetric == "reduced" and not self.splits:
             reason = (
@@ -281,7 +281,7 @@ class PathDependent(NonlinearMaterial):
         """
         raise NotImplementedError
 
-    def volume_energy_by_change(self, growth: Any) -> Any:
+    def volume_energy_by_change(self, growth: Expr) -> Expr:
         """Return the energy kappa/2 ln^2 J of finite strains from J - 1, UFL, a number."""
         return self.constants_at_rest[1] / 2 * (growth + logarithm_beyond_line(growth)) ** 2
 
@@ -296,19 +296,19 @@ class PathDependent(NonlinearMaterial):
 DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 / 3), (0, 3))
 
 
-def green_strain(change: Any) -> Any:
+def green_strain(change: Expr) -> Expr:
     """(F^T F - I)/2 from grad u, UFL, shape (3, 3)."""
     return (change + change.T + change.T * change) / 2
 
 
-def growth(change: Any) -> Any:
+def growth(change: Expr) -> Expr:
     """J - 1 from grad u, UFL: the sum of its principal invariants."""
     import ufl
 
     return ufl.tr(change) + (ufl.tr(change) ** 2 - ufl.tr(change * change)) / 2 + ufl.det(change)
 
 
-def strain_beyond_growth(change: Any) -> Any:
+def strain_beyond_growth(change: Expr) -> Expr:
     """Tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without
     their difference.
     """
@@ -323,11 +323,11 @@ def strain_beyond_growth(change: Any) -> Any:
 _POWERS = range(2, 7)
 
 
-def power_beyond_line(change: Any, power: float) -> Any:
+def power_beyond_line(change: Expr, power: float) -> Expr:
     """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series
     there.
     """
-    factors = list[float]()
+    factors = []
     factor = power
     for k in _POWERS:
         factor *= (power - k + 1) / k
@@ -335,7 +335,7 @@ def power_beyond_line(change: Any, power: float) -> Any:
     return _beyond_line(change, factors, (1 + change) ** power - 1 - power * change)
 
 
-def logarithm_beyond_line(change: Any) -> Any:
+def logarithm_beyond_line(change: Expr) -> Expr:
     """ln(1 + x) - x, UFL, likewise."""
     import ufl
 
@@ -343,7 +343,7 @@ def logarithm_beyond_line(change: Any) -> Any:
     return _beyond_line(change, factors, ufl.ln(1 + change) - change)
 
 
-def _beyond_line(change: Any, factors: Sequence[float], far: Any) -> Any:
+def _beyond_line(change: Expr, factors: Sequence[float], far: Expr) -> Expr:
     """The series from the power 2 on where x is small, else ``far``, UFL."""
     import ufl
 

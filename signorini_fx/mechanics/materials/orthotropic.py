@@ -14,7 +14,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.arrays import Array, inner
+from signorini_fx.arrays import Array, Value, inner
 from signorini_fx.mechanics.materials.protocol import PAIRS, Material
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions
@@ -104,7 +104,7 @@ class OrientedMaterial(Axes, Material):
         return self.grading is not None or self.turns
 
 
-def _vectors(components: Sequence[object], x: Array) -> Array:
+def _vectors(components: Sequence[Value], x: Array) -> Array:
     vectors = np.zeros((x.shape[1], 3))
     for k, value in enumerate(components):
         vectors[:, k] = sample(value, x)

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.materials.nonlinear import (
 )
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.statement.base import refused
-from signorini_fx.mechanics.statement.effect import Contradictions
+from signorini_fx.mechanics.statement.effect import Contradictions, Stated
 from signorini_fx.mechanics.statement.values import Accepts, NonNegative, Positive
 
 _Table = Annotated[tuple[tuple[Positive, Positive], ...], Field(min_length=1)]
@@ -183,7 +183,7 @@ class Maxwell(PathDependent):
         spring, bulk = super().constants_at_rest
         return spring + sum(shear for shear, _ in self.branches), bulk
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         times = statement.load_steps.times
         if times is not None and times[0] <= 0:
@@ -202,7 +202,7 @@ class Maxwell(PathDependent):
         last = state[:, -10:-1].reshape(-1, 3, 3)
         since = self._time - state[:, -1]
         spring = super().constants_at_rest[0]
-        parts = list[Array]()
+        parts = []
         stress = 2 * spring * strain_deviator
         stiffness: Array = np.full(len(strain_deviator), 2 * spring)
         for branch, (shear, relaxation) in enumerate(self.branches):

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Expr
 from signorini_fx.mechanics.kinematics import CARTESIAN, HYPOTHESES, hypotheses
 from signorini_fx.mechanics.kinematics.protocol import tensors
-from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features, Stated
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, Positive, SampledValue
 
 # The components of a symmetric tensor in 3D, in the order of ``Kinematics.pairs``.
@@ -102,7 +102,7 @@ class Material(Effect):
 
     # --- what a material must say, unless it has ``stiffness`` ---
 
-    def stress(self, strain: Any) -> Any:
+    def stress(self, strain: Expr) -> Expr:
         """Return the stress of a strain, UFL, both with shape (3, 3)."""
         raise NotImplementedError
 
@@ -177,7 +177,7 @@ class Material(Effect):
         return () if self.isotropic else (("anisotropic material", ()),)
 
     @property
-    def kind(self) -> tuple[Any, ...]:
+    def kind(self) -> tuple[object, ...]:
         """Return what two regions of the same material have in common."""
         of_heat = "expansion", "conductivity", "specific_heat"
         apart = "region", "density", "yield_stress", *of_heat
@@ -185,7 +185,7 @@ class Material(Effect):
             getattr(self, key) for key in type(self).model_fields if key not in apart
         )
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         if self.hypothesis != statement.material[0].hypothesis:
             yield ("material", number), "all materials must have the same hypothesis"
         if self.torsion and self.hypothesis != "axisymmetric":

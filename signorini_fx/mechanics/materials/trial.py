@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,15 +13,18 @@ from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.protocol import PAIRS, stress_of
+from signorini_fx.mechanics.materials.protocol import PAIRS, Material, stress_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DIFFERENCE_STEP, SAME_TANGENT
 
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
+
 # Strains, of shear 1/2, in the order of ``PAIRS``.
-_UNITS: Any = tensors(np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]), PAIRS)
+_UNITS = tensors(np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]), PAIRS)
 _ROTATION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
-def check_materials(materials: Iterable[Any]) -> None:
+def check_materials(materials: Iterable[Material]) -> None:
     """Refuse materials that are not what they say."""
     problems = [
         (f"material[{number}]", fault)
@@ -32,7 +35,7 @@ def check_materials(materials: Iterable[Any]) -> None:
         raise SceneError(problems)
 
 
-def fault_of(material: Any) -> str:
+def fault_of(material: Material) -> str:
     """Why a solution with a material means nothing; "": nothing was found."""
     name = type(material).__name__
     try:
@@ -40,6 +43,8 @@ def fault_of(material: Any) -> str:
             return _fault_of_linear(material, name)
         from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
 
+        if not isinstance(material, Hyperelastic | PathDependent):
+            return f"{name} is neither Hyperelastic nor PathDependent"
         if not all(0 < modulus < np.inf for modulus in material.constants_at_rest):
             return (
                 f"constants_at_rest of {name} are {material.constants_at_rest}: both must be "
@@ -47,16 +52,14 @@ def fault_of(material: Any) -> str:
             )
         if isinstance(material, Hyperelastic):
             return _fault_of_energy(material)
-        if isinstance(material, PathDependent):
-            return _fault_of_response(material)
+        return _fault_of_response(material)
     except NotImplementedError:
         return f"{name} must define {'stress()' if material.linear else 'all methods of its base'}"
     except Exception as error:
         return f"{name} fails: {type(error).__name__}: {error}"
-    return f"{name} is neither Hyperelastic nor PathDependent"
 
 
-def _fault_of_linear(material: Any, name: str) -> str:
+def _fault_of_linear(material: Material, name: str) -> str:
     """Return the fault of a linear material: its stress at unit strains must be a matrix that has
     an energy; an empty string: there is none.
     """
@@ -91,7 +94,7 @@ def _fault_of_linear(material: Any, name: str) -> str:
     )
 
 
-def _fault_of_energy(material: Any) -> str:
+def _fault_of_energy(material: Hyperelastic) -> str:
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
@@ -122,7 +125,7 @@ def _fault_of_energy(material: Any) -> str:
     if not abs(after - before) <= SAME_TANGENT * modulus:
         return f"shape_energy of {name} is not objective: a rotation of the body changes it"
     # A body in the plane has no shear across the mesh.
-    units = {k: unit for k, unit in enumerate(_UNITS) if PAIRS[k] not in ((0, 2), (1, 2))}
+    units = {k: _UNITS[k] for k, pair in enumerate(PAIRS) if pair not in ((0, 2), (1, 2))}
     first = DIFFERENCE_STEP
     second = np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
     for unit in units.values():
@@ -134,19 +137,19 @@ def _fault_of_energy(material: Any) -> str:
     stiffness = material.at_rest.stiffness
     for (i, one), (j, other) in product(units.items(), repeat=2):
         corners = product((second, -second), repeat=2)
-        change = sum(np.sign(a * b) * whole(a * one + b * other) for a, b in corners)
-        if not abs(change / (4 * second**2) - stiffness[i, j]) <= SAME_TANGENT * modulus:
+        twice = sum(np.sign(a * b) * whole(a * one + b * other) for a, b in corners)
+        if not abs(twice / (4 * second**2) - stiffness[i, j]) <= SAME_TANGENT * modulus:
             return f"constants_at_rest of {name} are not those of its energy"
     return ""
 
 
-def _fault_of_response(material: Any) -> str:
+def _fault_of_response(material: PathDependent) -> str:
     name = type(material).__name__
     modulus = max(material.constants_at_rest)
     drawn = np.random.default_rng(0)
     strain = drawn.standard_normal((64, 3, 3)) * np.geomspace(1e-5, 1e-1, 64)[:, None, None]
     strain = (strain + strain.swapaxes(1, 2)) / 2
-    state = np.zeros((len(strain), material.state_size))
+    state: Array = np.zeros((len(strain), material.state_size))
     for time, factor in ((1.0, 1.0), (2.0, 2.0), (4.0, -0.5)):
         material = material.at_time(time)
         tried = factor * strain
@@ -160,8 +163,8 @@ def _fault_of_response(material: Any) -> str:
             return (
                 f"respond of {name} is not finite, or gives something else when it is called again"
             )
-        for column, unit in enumerate(_UNITS):
-            small = DIFFERENCE_STEP**2 * unit
+        for column in range(len(PAIRS)):
+            small = DIFFERENCE_STEP**2 * _UNITS[column]
             ahead, behind = (
                 material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1)
             )

@@ -8,15 +8,17 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 
+from signorini_fx.arrays import Ints
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.halving import quadratic
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
+from signorini_fx.mechanics.statement.base import TaggedMeshBase
 from signorini_fx.mechanics.statement.mesh_sources import Body, MeshFile, MeshGenerator
 
 
@@ -92,14 +94,17 @@ def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
     )
 
 
+_Rows = TypeVar("_Rows", Ints, int)
+
+
 def _named(
-    bodies: Sequence[str], named: Sequence[Mapping[str, Any]], firsts: Sequence[int]
-) -> dict[str, Any]:
+    bodies: Sequence[str], named: Sequence[Mapping[str, _Rows]], firsts: Sequence[int]
+) -> dict[str, _Rows]:
     """Return the rows of each name of the bodies, their numbers shifted, as body.name, and as the
     name alone where one body has it and none is called so.
     """
     count = Counter(name for names in named for name in names)
-    result: dict[str, Any] = {}
+    result = {}
     for body, names, first in zip(bodies, named, firsts, strict=False):
         for name, rows in names.items():
             result[f"{body}.{name}"] = rows + first
@@ -108,7 +113,7 @@ def _named(
     return result
 
 
-def _origin(mesh: Any) -> dict[str, Any]:
+def _origin(mesh: MeshFile | MeshGenerator | TaggedMeshBase) -> Mapping[str, Any]:
     """Return the source of a mesh as a scene states it, see ``TaggedMesh``."""
     match mesh:
         case MeshFile():
@@ -116,7 +121,8 @@ def _origin(mesh: Any) -> dict[str, Any]:
         case MeshGenerator():
             return {"generator": mesh.generator, "parameters": dict(mesh.parameters)}
         case _:
-            return dict(mesh.origin)
+            assert isinstance(mesh, TaggedMesh)
+            return mesh.origin
 
 
 @contextmanager

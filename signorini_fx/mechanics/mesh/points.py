@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
+from basix.finite_element import FiniteElement
 from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
@@ -221,7 +221,7 @@ def inverses(matrices: Array) -> Array:
     return adjugates
 
 
-def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
+def _pull_back(element: FiniteElement, corners: Array, reference: Array) -> Array:
     """Places in the reference cell that cells map to the origin, by Newton's method; corners in
     sizes of the cell.
     """
@@ -240,7 +240,7 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
     return reference
 
 
-def _clipped(element: Any, reference: Array) -> Array:
+def _clipped(element: FiniteElement, reference: Array) -> Array:
     """The places in the reference cell next to some in or beside it."""
     inside = np.clip(reference, 0.0, None)
     if element.cell_type in _SIMPLICES:

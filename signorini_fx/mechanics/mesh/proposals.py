@@ -229,8 +229,8 @@ def _nearest(facets: _Facets, reach: Array) -> tuple[Ints, Ints, Array]:
     """
     centre = facets.corners.mean(axis=1)
     radius = np.linalg.norm(facets.corners - centre[:, None], axis=2).max(axis=1)
-    rows: list[Ints] = []
-    others: list[Ints] = []
+    rows = []
+    others = []
     # Classes of facets of about the same length, so that large ones do not make all balls large.
     classes = np.floor(np.log2(facets.length))
     for number in np.unique(classes):
@@ -414,7 +414,7 @@ def _joined(
             map(meet, one.labels, other.labels)
         )
     group = connected_components(links, directed=False)[1] if pairs else []
-    found: list[ProposedContact] = []
+    found = []
     for number in range(max(group, default=-1) + 1):
         members = [pair for pair, of in zip(pairs, group, strict=True) if of == number]
         area = sum(pair.area for pair in members)

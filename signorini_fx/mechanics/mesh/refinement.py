@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 from dolfinx import mesh as dmesh
+from dolfinx.common import IndexMap
 from mpi4py import MPI
 
 from signorini_fx.arrays import Array, Indices, Ints
@@ -115,7 +115,7 @@ def refine(tagged: TaggedMesh, cells: Indices | None = None) -> TaggedMesh:
 _NO_TAG = np.iinfo(np.int32).min
 
 
-def _table(tags: dmesh.MeshTags, index_map: Any) -> Indices:
+def _table(tags: dmesh.MeshTags, index_map: IndexMap) -> Indices:
     """The tag of every entity of this rank, ghosts included; _NO_TAG where there is none."""
     table = np.full(index_map.size_local + index_map.num_ghosts, _NO_TAG, dtype=np.int32)
     table[tags.indices] = tags.values

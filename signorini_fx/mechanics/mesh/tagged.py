@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import basix.ufl
@@ -21,7 +22,7 @@ from dolfinx.io import distribute_entity_data
 from mpi4py import MPI
 from scipy.spatial import ConvexHull, QhullError
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints, matvec
+from signorini_fx.arrays import Array, Flags, Indices, Integers, Ints, matvec
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.base import JOIN, TaggedMeshBase
@@ -594,7 +595,7 @@ _LOCAL_SIZES: ContextVar[Sizes] = ContextVar("_LOCAL_SIZES", default=())
 
 
 def gmsh_mesh(
-    comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0
+    comm: MPI.Comm, draw: Callable[[ModuleType], None], name: str, unit: float = 1.0
 ) -> TaggedMesh:
     """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
 
@@ -654,14 +655,14 @@ def gmsh_mesh(
     return from_arrays(comm, make)
 
 
-def _rule(text: str) -> Callable[[Array], Any]:
+def _rule(text: str) -> Callable[[Array], Flags]:
     """An expression that is true or positive, as a marker."""
     expression = Expression(text)
     return lambda x: expression(x) > 0
 
 
 def tag_boundaries(
-    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[Array], Any]]
+    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[Array], npt.ArrayLike]]
 ) -> TaggedMesh:
     """Name the exterior facets whose vertices all satisfy a marker; collective.
 
@@ -706,9 +707,7 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Indices]) -> TaggedMe
     return TaggedMesh(mesh, facet_tags, names)
 
 
-def _combined(
-    comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]
-) -> tuple[Ints, Indices, _Tags]:
+def _combined(comm: MPI.Comm, groups: Mapping[str, Integers]) -> tuple[Ints, Indices, _Tags]:
     """Return one tag for each combination of groups that overlap: members, the tag of each, the
     tags of groups; collective.
     """

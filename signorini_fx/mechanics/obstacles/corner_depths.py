@@ -26,7 +26,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
-from signorini_fx.mechanics.statement.rigid_shape import Corners
+from signorini_fx.mechanics.statement.rigid_shape import Corners, corners_of
 from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE, SAME_LENGTH
 
 # Numbers that are compared at a time.
@@ -139,9 +139,10 @@ def deepest_corner(
     moved = displacement.x.array.reshape(-1, space.dofmap.index_map_bs)[:, :dim]
     places = node_positions(space)[:, :dim] + moved
     for foundation in foundations:
-        corners: Corners | None = None
-        if hasattr(foundation.shape, "corners") and isinstance(foundation.added, int | float):
-            corners = foundation.shape.corners(dim)
+        added = foundation.added
+        if not isinstance(added, int | float):
+            continue
+        corners = corners_of(foundation.shape, dim)
         if corners is not None and len(felt):
             numbers = felt[felt[:, 0] == foundation.contact, 1]
             unfelt = ~np.isin(np.arange(len(corners.places)), numbers)
@@ -164,7 +165,7 @@ def deepest_corner(
         below, facets, normal = surface.below(points, places)
         # Advice follows undeformed facets, too.
         curved = radius >= (1.0 - NOTABLE) * FACETS_OF_ROUNDING * facets
-        depth = np.where(curved, -np.inf, below + radius - foundation.added)
+        depth = np.where(curved, -np.inf, below + radius - added)
         sums = parallel.global_sum(comm, np.array([len(moved), *moved.sum(axis=0)]))
         deformed = parallel.largest(comm, np.linalg.norm(moved - sums[1:] / sums[0], axis=1), 0.0)
         size = float(np.linalg.norm(high - low))
@@ -185,7 +186,7 @@ def facing_corners(foundation: PlacedShape, space: fem.FunctionSpace) -> tuple[A
     collective.
     """
     dim = space.mesh.topology.dim
-    corners = foundation.shape.corners(dim) if hasattr(foundation.shape, "corners") else None
+    corners = corners_of(foundation.shape, dim)
     if corners is None or not corners.places.size:
         return None
     _, facets, normal = BodySurface.of(space).below(corners.places, node_positions(space)[:, :dim])

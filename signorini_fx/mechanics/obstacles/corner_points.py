@@ -155,7 +155,7 @@ class CornerFeet:
         alone = np.ones((count, 2), dtype=bool)
         nearest = np.full(count, -1)
         beside = list[int]()
-        on = list[int]()
+        on = []
         for k in range(count):
             c = corners.places[k]
             facet, near = line.nearest(c)
@@ -218,8 +218,8 @@ class CornerFeet:
         x)(n . x' + kappa xi) / m^2 - (n . x') xi with the variation of the foot xi = (g n . x' - a
         . x) / (m^2 - g kappa), the derivative a of the facet, m = |a|, and kappa = n . x''.
         """
-        nodes = list[Ints]()
-        pieces = list[Array]()
+        nodes = []
+        pieces = []
         for point in np.flatnonzero((forces != 0.0) & ~self.alone.ravel()):
             facet = int(self.facet.ravel()[point])
             xi = float(self.xi.ravel()[point])
@@ -360,7 +360,7 @@ def _in_order(nodes: Ints, rows: Array) -> Sequence[int]:
     behind = {int(first): k for k, first in enumerate(nodes[:, 0])}
     follows = np.isin(nodes[:, 0], nodes[:, -1])
     begins = np.lexsort((*rows.T[::-1], follows)).tolist()
-    order = list[int]()
+    order = []
     seen = set[int]()
     for begin in begins:
         facet = begin

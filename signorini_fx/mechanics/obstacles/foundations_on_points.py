@@ -16,7 +16,7 @@ from dolfinx import fem
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
-from signorini_fx.arrays import Array, Flags, Indices, Ints, diagonal, inner
+from signorini_fx.arrays import Array, Flags, Indices, Ints, Value, diagonal, inner
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -46,6 +46,8 @@ from signorini_fx.mechanics.statement.rigid_shape import (
     Distance,
     Placement,
     Shape,
+    SignedDistance,
+    corners_of,
     distance_from,
 )
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
@@ -105,7 +107,8 @@ class Foundations:
         self._names = names
         self._masters = masters
         self._pairs: dict[int, PairedSides] = {}
-        self._outside: dict[int, Any] = {}  # shapes that are not inside the body, by their numbers
+        # Shapes that are not inside the body, by their numbers.
+        self._outside = dict[int, SignedDistance]()
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self.dt = 0.0  # duration of the present load step, time; 0: it has none
@@ -113,7 +116,7 @@ class Foundations:
 
     def _shaped(self) -> dict[int, Distance]:
         """The distances from foundations that have shapes, by their numbers."""
-        distances = dict[int, Distance]()
+        distances = {}
         problems = list[tuple[str, str]]()
         for k, contact in enumerate(self._contact):
             if contact.shape is None:
@@ -155,12 +158,12 @@ class Foundations:
         return diagonal(bounds)
 
     @property
-    def driven(self) -> list[Any]:
+    def driven(self) -> list[Shape | None]:
         """The shape of each contact that forces move; None: it stands still."""
         shapes = map(self.placed_shape, range(len(self._contact)))
-        return [shape if getattr(shape, "driven", False) else None for shape in shapes]
+        return [shape if isinstance(shape, Shape) and shape.driven else None for shape in shapes]
 
-    def placed_shape(self, number: int) -> Any:
+    def placed_shape(self, number: int) -> SignedDistance | None:
         """The shape of a contact where it is; None: it has none."""
         return getattr(self._distances.get(number), "shape", None)
 
@@ -202,7 +205,7 @@ class Foundations:
         if problems:
             raise FormError(problems)
 
-    def measured(self, shape: Any) -> bool:
+    def measured(self, shape: SignedDistance) -> bool:
         """Whether forces may move a shape where the contact has a measure."""
         return False
 
@@ -231,10 +234,11 @@ class Foundations:
                 ]
             )
         try:
-            moved = distance_from(shape.remade(**placement), self._dimension)
+            placed = shape.remade(**placement)
+            moved = distance_from(placed, self._dimension)
         except SceneError as error:
             raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
-        driven[number] = moved.shape
+        driven[number] = placed
         if reason := driven_twice(driven, number):
             raise FormError.at(f"{path}.rigid", reason)
         self._put(number, moved)
@@ -265,16 +269,17 @@ class Foundations:
             getattr(self.placed_shape(k), "placement", None) for k in range(len(self._contact))
         )
 
-    def moved_shapes(self, placed: Sequence[Placement | None]) -> dict[int, tuple[Any, Any]]:
+    def moved_shapes(self, placed: Sequence[Placement | None]) -> dict[int, tuple[Shape, Shape]]:
         """The shapes that are not placed as they were, with these as they were, by their
         numbers.
         """
         shapes = map(self.placed_shape, range(len(placed)))
-        moved = dict[int, tuple[Any, Any]]()
+        moved = {}
         for number, (shape, placement) in enumerate(zip(shapes, placed, strict=True)):
-            earlier = shape if placement is None else shape.placed_as(placement)
-            if earlier is not shape:
-                moved[number] = shape, earlier
+            if isinstance(shape, Shape) and placement is not None:
+                earlier = shape.placed_as(placement)
+                if earlier is not shape:
+                    moved[number] = shape, earlier
         return moved
 
     def moved(self, boundary: ContactBoundary, placed: Sequence[Placement | None]) -> Array | None:
@@ -292,11 +297,11 @@ class Foundations:
         return displacements
 
     @cached_property
-    def forms(self) -> list[tuple[Any, fem.Function | None]]:
+    def forms(self) -> list[tuple[fem.Form | None, fem.Function | None]]:
         """The unit contact form of each foundation, and the factor of the measure in it; of pairs
         and averages None.
         """
-        forms = list[tuple[Any, fem.Function | None]]()
+        forms = list[tuple[fem.Form | None, fem.Function | None]]()
         for contact, facets in zip(self._contact, self.facets, strict=True):
             if contact.against is not None or averaging(self._space):
                 forms.append((None, None))
@@ -455,8 +460,7 @@ class Foundations:
         forces move the foundation; collective.
         """
         contact = self._contact[number]
-        shape = self.placed_shape(number)
-        if self._space.mesh.topology.dim != 2 or not hasattr(shape, "corners"):
+        if self._space.mesh.topology.dim != 2:
             return None
         law = contact.friction
         by_pressure = law is None or (type(law) is Coulomb and len(law.parameters) == 1)
@@ -467,7 +471,7 @@ class Foundations:
             or not by_pressure
         ):
             return None
-        corners = shape.corners(2)
+        corners = corners_of(self.placed_shape(number), 2)
         if corners is None or not corners.places.size or self._on_pieces[number] > 1:
             return None
         return corners
@@ -591,11 +595,14 @@ class Foundations:
         Raises:
             FormError: a value is wrong somewhere.
         """
-        laws = list[FrictionLaw | None]()
+        laws = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
 
             def nodal(
-                key: str, value: Any, at: NodalValues = at, path: str = f"contact[{k}].friction"
+                key: str,
+                value: Value,
+                at: NodalValues = at,
+                path: str = f"contact[{k}].friction",
             ) -> Array:
                 return at(value, f"{path}.{key}", minimum=0.0)
 
@@ -616,7 +623,7 @@ class Foundations:
         boundary: ContactBoundary,
         data: Sequence[FoundationData],
         settings: SolverSettings,
-        scales: Scales,
+        scales: Scales[float],
     ) -> tuple[RegularisedData, PointFriction | None]:
         """The regularised problem without shifts at the points, and its friction law; None where no
         law can act.
@@ -669,7 +676,7 @@ class Foundations:
         """
         if not any(entry.bonded or entry.friction is not None for entry in self._contact):
             return None
-        parts = list[PointFriction]()
+        parts = []
         points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
         for k, (of_all, at) in enumerate(
             zip(self.friction() if friction is None else friction, points, strict=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from dolfinx import fem
@@ -27,14 +27,19 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair, PlacedShape
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.rigid_shape import Corners, SignedDistance, corners_of
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import COARSER_FACETS, STIFFER_BODY
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
+    from signorini_fx.mechanics.elasticity.moduli import Coefficient
 
 Facets = Mapping[str, Indices]
 
 
 def foundations_of(
-    contacts: Sequence[Any],
+    contacts: Sequence[Contact],
     kinematics: Kinematics,
     facets: Sequence[Indices],
     masters: Mapping[int, Indices],
@@ -42,7 +47,7 @@ def foundations_of(
     """The contacts of a scene as foundations, on the facets of each, and as pairs, by their places
     the masters; ``kinematics``: of the body.
     """
-    foundations: list[Foundation | Pair] = []
+    foundations = list[Foundation | Pair]()
     around = None if kinematics.uniform else kinematics.measure_at
     for number, (effect, on) in enumerate(zip(contacts, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
@@ -61,22 +66,20 @@ def foundations_of(
     return foundations
 
 
-def hard_foundations(contacts: Sequence[Any], kinematics: Kinematics) -> list[PlacedShape]:
+def hard_foundations(contacts: Sequence[Contact], kinematics: Kinematics) -> list[PlacedShape]:
     """Return the shapes of the foundations of a scene without those of soft contact, which lets a
     body into them.
     """
     return [
-        PlacedShape(
-            f"contact[{k}].foundation", k, shape_at_points(effect.surface, kinematics), effect.gap
-        )
+        PlacedShape(f"contact[{k}].foundation", k, shape, effect.gap)
         for k, effect in enumerate(contacts)
-        if effect.surface is not None
+        if (shape := shape_at_points(effect.surface, kinematics)) is not None
         and not effect.bonded
         and getattr(effect, "overclosure", None) is None
     ]
 
 
-def shape_at_points(shape: Any, kinematics: Kinematics) -> Any:
+def shape_at_points(shape: SignedDistance | None, kinematics: Kinematics) -> SignedDistance | None:
     """A shape of a scene as it is asked at points of the body; None: there is none."""
     return shape if shape is None or not kinematics.out_of_section else _ShapeOfSection(shape)
 
@@ -87,18 +90,18 @@ class _ShapeOfSection:
     components.
     """
 
-    shape: Any
+    shape: SignedDistance
 
     def distance(self, x: Array) -> tuple[Array, Array]:
         """Signed distance and unit normal; the normal has no component out of the section."""
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
-    def corners(self, dimension: int) -> Any:
+    def corners(self, dimension: int) -> Corners | None:
         """Return the corners in the plane of the section, see ``Shape.corners``; a shape of a
         user's own may have none.
         """
-        return self.shape.corners(dimension) if hasattr(self.shape, "corners") else None
+        return corners_of(self.shape, dimension)
 
     @property
     def inradius(self) -> float:
@@ -117,7 +120,7 @@ class SideFigures:
     vertices: Array
 
     @classmethod
-    def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
+    def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Coefficient) -> SideFigures:
         """Return the figures of a boundary; ``shear_modulus``: a constant or a cell-wise function,
         stress; collective.
         """
@@ -152,7 +155,7 @@ class SideFigures:
 
 
 def with_chosen_sides(
-    statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any
+    statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Coefficient
 ) -> Statement:
     """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter;
     itself if on none;

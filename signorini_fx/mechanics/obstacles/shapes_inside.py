@@ -24,7 +24,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import basix
 import numpy as np
@@ -34,6 +33,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.arrays import Array, Indices, Ints, inner, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.statement.rigid_shape import Shape, SignedDistance
 from signorini_fx.tuned import (
     MANY_STEPS,
     MOST_PLACES,
@@ -135,7 +135,7 @@ class BodyCells:
         size = np.linalg.norm(normal, axis=2, keepdims=True)
         return at[:, :, 0], quotient(normal, size)
 
-    def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:
+    def inside(self, places: Array, shape: SignedDistance, added: float = 0.0) -> InsideBody | None:
         """Return the place where a shape, an object with ``distance``, lies inside the body, None:
         nowhere; ``places``: see ``placed``; ``added``: to the distance, length; hollow and flat
         shapes are left out; collective.
@@ -143,14 +143,17 @@ class BodyCells:
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
-    def swallowed(self, shape: Any) -> InsideBody | None:
+    def swallowed(self, shape: SignedDistance) -> InsideBody | None:
         """Return the place where the middle of the shape lies inside the undeformed body, without
         or behind its contact boundary; None: nowhere; collective.
         """
         return self._too_deep(self.x, shape, 0.0, SHAPE_MIDDLE, math.inf)
 
     def passed(
-        self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0
+        self,
+        before: tuple[Array, Shape],
+        now: tuple[Array, Shape],
+        added: float = 0.0,
     ) -> InsideBody | None:
         """Return the place where the shape has been inside the body on the straight way between two
         states, places of the nodes and the shape; None: nowhere; ``added``: see ``inside``;
@@ -197,7 +200,7 @@ class BodyCells:
     def _too_deep(
         self,
         places: Array,
-        shape: Any,
+        shape: SignedDistance,
         added: float,
         of_shape: float,
         of_cell: float,
@@ -221,7 +224,7 @@ class BodyCells:
             if len(x)
             else np.zeros(0, dtype=np.int64)
         )
-        deep = np.zeros((0, 1 + places.shape[1]))
+        deep: Array = np.zeros((0, 1 + places.shape[1]))
         if near.size:
             x = x[near]
             allowed = allowed[near]
@@ -237,10 +240,8 @@ class BodyCells:
                 )
                 if found.all():
                     break
-                x = (
-                    x
-                    - np.maximum(signed + added + allowed, 0.0)[:, None] * normal * ~found[:, None]
-                )
+                back = np.maximum(signed + added + allowed, 0.0)[:, None] * normal
+                x = x - np.where(found[:, None], 0.0, back)
             deep = np.column_stack((-signed - added, x))[found]
         rows = parallel.gather_rows(self.space.mesh.comm, deep)
         if not len(rows):
@@ -249,7 +250,7 @@ class BodyCells:
         return InsideBody(deepest, tuple(place))
 
 
-def _inradius(shape: Any) -> float:
+def _inradius(shape: SignedDistance) -> float:
     """Radius of the largest ball in a shape; infinite where there is none, or it does not say
     it.
     """

@@ -61,7 +61,7 @@ class Lagrange:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction,
         shape (..., k).
         """
-        factors = list[Array]()
+        factors = []
         for axis, power in enumerate(self._exponents):
             s = at[..., axis, None]
             ones = np.ones_like(s)
@@ -547,7 +547,7 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
     """Return the derivative of ``nodal_normals`` by displacements of the nodes of sides, sparse,
     shape (d m, d m); ``turned_too``: maps these turns to those of other vectors, shape (m, d, d).
     """
-    parts = list[tuple[Array, Ints, Ints]]()
+    parts = []
     first = 0
     for side in sides:
         values = side.turning

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse
 from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import row_by_row
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, rigid_modes
 from signorini_fx.tuned import NOTHING_LEFT, OUTSIDE_COARSER_MESH
@@ -138,8 +136,8 @@ class MeshLevel:
         interpolation.mult(x, start)
         return start
 
-    def _shares(self, coarse: MeshLevel) -> Any | None:
-        """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some
+    def _shares(self, coarse: MeshLevel) -> scipy.sparse.csr_matrix | None:
+        """Shares of the coarse nodes (global numbers) in each owned node; None: some
         node is nowhere.
         """
         from signorini_fx.mechanics.mesh.points import at_points
@@ -152,7 +150,7 @@ class MeshLevel:
         if coarse.motions.pieces.count == self.motions.pieces.count > 1:
             pieces = self.motions.piece[: self.owned], coarse.motions.pieces.of_cell
 
-        def at(cells: npt.NDArray[Any], points: Array) -> Array:
+        def at(cells: Indices, points: Array) -> Array:
             """The nodes of cells, and their shares in points there."""
             nodes = dofmap.index_map.local_to_global(dofmap.list[cells].ravel()).reshape(
                 len(cells), -1

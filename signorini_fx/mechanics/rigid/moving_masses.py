@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -54,11 +53,13 @@ def refuse_massless(rigid: RigidBodies) -> None:
         raise SceneError(problems)
 
 
-def heavier(rigid: RigidBodies, body: RigidBody, factor: float, **more: Any) -> RigidBody:
+def heavier(
+    rigid: RigidBodies, body: RigidBody, factor: float, **more: float | tuple[float, ...]
+) -> RigidBody:
     """A rigid body with springs of a factor times its masses, and other keys of its motion."""
     dim = rigid.kinematics.dimension
     stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
-    spring = dict(zip(COMPONENTS[dim], stiffness.tolist(), strict=True))
+    spring = dict(zip(COMPONENTS[dim], map(float, stiffness), strict=True))
     return replace(body, motion=body.motion.model_copy(update={"spring": spring, **more}))
 
 
@@ -71,11 +72,11 @@ def driven_to_end(rigid: RigidBodies, state: State, dt: float) -> list[RigidBody
     factor = 2.0 / dt**2
     aim = state.rigid + dt * velocity_of(state)
     loads = mean_loads(rigid, state, rigid.drives()) + factor * masses(rigid) * aim
-    rows: Any = (loads.reshape(-1, count) * rigid.units).tolist()
-    driven = list[RigidBody]()
-    for body, load in zip(rigid.bodies, rows, strict=True):
-        moment = tuple(load[dim:]) if dim == 3 else load[dim]
-        more = {"force": tuple(load[:dim]), "moment": moment}
+    rows = loads.reshape(-1, count) * rigid.units
+    driven = []
+    for number, body in enumerate(rigid.bodies):
+        force = tuple(map(float, rows[number]))
+        more = {"force": force[:dim], "moment": force[dim:] if dim == 3 else force[dim]}
         driven.append(heavier(rigid, body, factor, **more))
     return driven
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,10 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.mechanics.statement.rigid_body import RigidBody
-from signorini_fx.mechanics.statement.rigid_shape import turning
+from signorini_fx.mechanics.statement.rigid_shape import Shape, turning
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
 
 # Force and moment on a rigid body, and the components that are prescribed, nan where they are free.
 Drive = tuple[Array, Array]
@@ -176,7 +179,7 @@ class RigidBodyMotion:
         motion = np.concatenate((self.translation, self.rotation))
         return rigid_modes(x, self.reference, np.array(1.0)) @ motion
 
-    def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
+    def gap_error(self, contact: ContactState, shapes: Mapping[int, Shape]) -> float:
         """Return the largest difference of the gap in the final position of the rigid body from the
         linearised one, where it presses, length; ``shapes``: in the initial position, by the places
         of its contacts; collective.
@@ -207,7 +210,7 @@ class RigidBodyMotion:
         return x - self.reference
 
     def as_dict(
-        self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics
+        self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
     ) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and
         ``gap_error``; ``contacts``: of the scene; ``kinematics``: of the body, by which some forces
@@ -233,11 +236,8 @@ class RigidBodyMotion:
                 (self.rotation, np.abs(self.rotation)),
             )
         )
-        shapes = {
-            part: contacts[part].surface
-            for part in self.body.parts
-            if contacts[part].surface is not None
-        }
+        surfaces = {part: contacts[part].surface for part in self.body.parts}
+        shapes = {part: surface for part, surface in surfaces.items() if surface is not None}
         return {
             "boundary": self.body.name,
             "reference": self.reference.tolist(),

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import PointGroups
-from signorini_fx.arrays import Array, Flags, Ints, matvec
+from signorini_fx.arrays import Array, Flags, Integers, Ints, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -149,9 +148,7 @@ class RigidMotions:
         """
         return self.of_pieces(self.free @ motion)
 
-    def of_pieces(
-        self, motion: Array, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)
-    ) -> Array:
+    def of_pieces(self, motion: Array, nodes: Integers | slice = slice(None)) -> Array:
         """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape
         (n, d).
         """
@@ -181,7 +178,7 @@ class RigidMotions:
             size = size + np.bincount(self.assembly, np.abs(driven).sum(axis=0))[self.assembly]
         return RigidLoad(work, size, self.assembly)
 
-    def modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> Array:
+    def modes(self, nodes: Integers | slice) -> Array:
         """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
@@ -337,16 +334,17 @@ def _null_space(
     count = motions.pieces.count
     each = motions.each
     dim = motions.x.shape[1]
-    ways: Any = np.tile(np.eye(each), (count, 1, 1))
+    ways = np.tile(np.eye(each), (count, 1, 1))
     if (
         not kinematics.unbalanced.all()
     ):  # these are about the origin, those of pieces about their middles
         ways[:, :dim] = rigid_modes(motions.centre, np.zeros(dim), motions.length)
         ways = ways[:, :, kinematics.unbalanced]
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    columns = list[Array]()
+    columns = []
     numbers = list[int]()
-    for piece, (products, admitted) in enumerate(zip(supported, ways, strict=True)):
+    for piece, products in enumerate(supported):
+        admitted = ways[piece]
         scaled = products / max(float(np.linalg.eigvalsh(products)[-1]), 1e-300)
         values, vectors = np.linalg.eigh(admitted.T @ scaled @ admitted)
         null_vectors = admitted @ vectors[:, values <= ROOT_OF_EPS]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class ClosedSurface(Shape):
             )
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        signed, normal = self._surface(x / self.scale)
+        signed, normal = self._surface(np.asarray(x / self.scale))
         return self.scale * signed, normal
 
     def initial_corners(self, dimension: int) -> Corners:
@@ -71,14 +71,14 @@ class ClosedSurface(Shape):
         return math.inf if self.hollow else self.scale * self._surface.inradius
 
     @property
-    def _surface(self) -> Any:
+    def _surface(self) -> CachedSurface:
         """The surface, which is read once."""
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         return surface_of(self.file, self.size, changed)
 
 
 @lru_cache(maxsize=8)
-def surface_of(file: Path, size: float | None, _changed: int) -> Any:
+def surface_of(file: Path, size: float | None, _changed: int) -> CachedSurface:
     """The surface in a file, once for each state of the file."""
     return CachedSurface(_read(file, size))
 
@@ -88,7 +88,7 @@ class CachedSurface:
     ask for them.
     """
 
-    def __init__(self, surface: Any) -> None:
+    def __init__(self, surface: InThePlane | InSpace) -> None:
         self._surface = surface
         self.dimension = surface.dimension
         self._last: dict[bytes, tuple[Array, Array]] = {}
@@ -125,7 +125,7 @@ class CachedSurface:
         return max(thickness, -float(self._surface(grid)[0].min()))
 
 
-def _read(file: Path, size: float | None) -> Any:
+def _read(file: Path, size: float | None) -> InThePlane | InSpace:
     """The surface in a file."""
     if not file.is_file():
         raise MeshError(f"{file}: no such file")

@@ -20,7 +20,7 @@ from typing import (
 )
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.values import shown
@@ -132,7 +132,7 @@ class Table(BaseModel, metaclass=_OwnErrors):
         return copy
 
 
-def _timed(value: Any) -> bool:
+def _timed(value: object) -> bool:
     return any(map(_timed, value)) if isinstance(value, tuple) else getattr(value, "timed", False)
 
 
@@ -164,7 +164,7 @@ _MESSAGES = {
 }
 
 
-def plain_message(detail: Any) -> str:
+def plain_message(detail: ErrorDetails) -> str:
     """The message of a pydantic error, reworded for users of this package."""
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
@@ -213,7 +213,9 @@ def problems_of(
     return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in by_path.items()]
 
 
-def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tuple[str, str]:
+def _problem(
+    detail: ErrorDetails, data: Mapping[str, Any], model: type[BaseModel]
+) -> tuple[str, str]:
     """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union
     labels.
     """
@@ -271,14 +273,14 @@ def _meant(key: str, model: type[BaseModel]) -> str:
     return f": did you mean {similar[0]!r}?"
 
 
-def _own_tables(annotation: Any) -> set[type[BaseModel]]:
+def _own_tables(annotation: type | None) -> set[type[BaseModel]]:
     """The tables that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return {annotation}
     return set().union(*map(_own_tables, get_args(annotation)))
 
 
-def tables(annotation: Any) -> set[type[BaseModel]]:
+def tables(annotation: type | None) -> set[type[BaseModel]]:
     """The tables that an annotation allows, and those in them."""
     own = _own_tables(annotation)
     inner = (tables(field.annotation) for table in own for field in table.model_fields.values())

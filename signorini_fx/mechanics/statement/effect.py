@@ -10,20 +10,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import GenericAlias
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo
 from pydantic.fields import FieldInfo
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Expr, FieldValue, Value
 from signorini_fx.extensions import CONTACT_PARTS, EFFECTS, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Entries, Finite, TimedValue
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.kinematics.protocol import Kinematics
+    from signorini_fx.mechanics.statement.load_path import LoadSteps
+    from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings, Units
 
 Keys = tuple[str | int, ...]
 Contradictions = Iterator[tuple[Keys, str]]
@@ -39,24 +44,24 @@ class Coefficients(Protocol):
     """
 
     @property
-    def normal(self) -> Any:
+    def normal(self) -> FieldValue:
         """Outward unit normal."""
 
     @property
-    def position(self) -> Any:
+    def position(self) -> FieldValue:
         """X, length; a vector."""
 
     @property
-    def density(self) -> Any:
+    def density(self) -> FieldValue | float:
         """Return the density of the material, mass per volume."""
 
-    def total(self, effect: Any) -> Any:
+    def total(self, effect: Effect) -> FieldValue | float:
         """The integral of ``effect.spread`` over the boundary of the effect, a number."""
 
-    def value(self, value: Any) -> Any:
+    def value(self, value: Value) -> FieldValue:
         """A value."""
 
-    def vector(self, values: tuple[Any, ...]) -> Any:
+    def vector(self, values: Sequence[Value]) -> FieldValue:
         """Values along x[0], x[1] and x[2], which is not used in 2D."""
 
 
@@ -64,19 +69,19 @@ class BodyCoefficients(Coefficients, Protocol):
     """Values in the body."""
 
     @property
-    def expansion(self) -> Any:
+    def expansion(self) -> FieldValue:
         """Return the coefficient of thermal expansion of the material, 1 / temperature."""
 
-    def entries(self, key: str) -> tuple[Any, ...]:
+    def entries(self, key: str) -> tuple[Effect, ...]:
         """Return the entries of a key of the scene."""
 
-    def of_material(self, key: str) -> Any:
+    def of_material(self, key: str) -> FieldValue:
         """Return a number of the materials by its key, 0 where it is not given."""
 
-    def computed(self, name: str) -> Any:
+    def computed(self, name: str) -> FieldValue:
         """Return what effects have computed at the nodes for a step, see ``Place``."""
 
-    def value_in(self, region: str | None, value: Any) -> Any:
+    def value_in(self, region: str | None, value: Value) -> FieldValue:
         """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at
         nodes of the region alone.
         """
@@ -89,20 +94,20 @@ class SampledPoints:
     position: Array  # length, shape (d, n)
     normal: Array  # outward unit normals, shape (d, n), or zero, which leaves pressures out
     total: Callable[[Any], float]  # from an effect to the integral of its ``spread``
-    density: Any = 0.0  # of the material, mass per volume, shape (n,), or one for all
+    density: Array | float = 0.0  # of the material, mass per volume, shape (n,), or one for all
 
-    def value(self, value: Any) -> Array:
+    def value(self, value: Value) -> Array:
         """Shape (n,); zero of expressions of UFL, which only a compiled form could evaluate."""
         if hasattr(value, "ufl_shape"):
             return np.zeros(self.position.shape[1])
         return sample(value, in_space(self.position.T))
 
-    def vector(self, values: tuple[Any, ...]) -> Array:
+    def vector(self, values: Sequence[Value]) -> Array:
         """Shape (d, n)."""
         return np.stack([self.value(value) for value in values[: len(self.position)]])
 
 
-def is_zero(*values: Any) -> bool:
+def is_zero(*values: Value) -> bool:
     """Return whether all values are the number zero."""
     return all(isinstance(value, float) and value == 0.0 for value in values)
 
@@ -134,6 +139,76 @@ def not_yet(
     reason = f"is not possible yet with {words or name}"
     refused = {feature: reason + _CURES.get(feature, "") for feature in features}
     return {name: {**refused, **(more or {})}}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """What is stated of a problem, and what its effects may contradict.
+
+    Attributes:
+        title: any text.
+        incomplete: what is missing of what was meant; results say so.
+        effects: all entries by their keys, in the order of the keys of a scene; a key without
+            entries is there as well, but forms have the key ``contact`` alone.
+        kinematics: that of the body if its mesh is plane.
+        element: degree and volumetric integration.
+        load_steps: names and times of load steps, and an automatic ramp.
+        steps: number of factors of each load; that of the load steps, unless there is a ramp
+            between them.
+        solver: algorithms, their parameters and limits.
+        accuracy: the accuracy to be reached by refinement; None: no refinement.
+        units: names of units for labels; None: they are not known.
+        bodies: the names of the regions that are bodies with meshes of their own.
+        generated: whether all cells are made by generators.
+        remade: whether all cells are made by generators or of drawings.
+        arcs: whether the mesh may stand for a body with arcs.
+        single: the keys of effects of which there can be one only.
+        origin: what else was given, by its keys, for the summary alone.
+        found: the shortenings that forces have led to, length, by the identity of a preload and
+            the places of load steps.
+    """
+
+    title: str
+    effects: Mapping[str, tuple[Any, ...]]
+    kinematics: Kinematics
+    element: Element
+    load_steps: LoadSteps
+    steps: int
+    solver: SolverSettings
+    incomplete: Sequence[str] = ()
+    accuracy: Accuracy | None = None
+    units: Units | None = None
+    bodies: tuple[str, ...] = ()
+    generated: bool = False
+    remade: bool = False
+    arcs: bool = True
+    single: frozenset[str] = frozenset()
+    origin: Mapping[str, Any] = field(default_factory=dict)
+    found: Mapping[int, Mapping[float, float]] = field(default_factory=dict, compare=False)
+
+    @property
+    def contact(self) -> tuple[Any, ...]:
+        """The contact of each boundary."""
+        return self.effects.get("contact", ())
+
+    @property
+    def material(self) -> tuple[Any, ...]:
+        """Return one material for the body, or one for each named region; none where only forms
+        have it.
+        """
+        return self.effects.get("material", ())
+
+    @property
+    def nonlinear(self) -> bool:
+        """Return whether some material is nonlinear, so that ``scenes.nonlinear`` solves
+        the body.
+        """
+        return not all(material.linear for material in self.material)
+
+    @property
+    def displacement(self) -> tuple[Any, ...]:
+        """The prescribed displacements."""
+        return self.effects.get("displacement", ())
 
 
 class Effect(Table):
@@ -185,7 +260,7 @@ class Effect(Table):
         return f"{self.label} {self.place}".rstrip()
 
     @property
-    def given(self) -> dict[str, Any]:
+    def given(self) -> dict[str, Value]:
         """Return the values of the effect by their keys, without those that are None."""
         values = {key: getattr(self, key) for key in self.value_keys}
         return {key: value for key, value in values.items() if value is not None}
@@ -207,7 +282,7 @@ class Effect(Table):
         """
         return ((self.label, ()),)
 
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Stated, number: int) -> Contradictions:
         """Yield the entries of a statement that do not go together with the effect, ``number``
         among those of its kind: the place of the error in the scene, and the reason.
         """
@@ -246,7 +321,7 @@ class ForceDensity(Load):
     # Whether at finite strains its density is that of the place to which a point has moved.
     carried: ClassVar[bool] = False
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         """Force per volume or area, a vector; pictures ask for it at points, where functions of UFL
         have no value.
         """
@@ -263,11 +338,11 @@ class VectorForce(ForceDensity):
     z: TimedValue = 0.0
 
     @property
-    def components(self) -> tuple[Any, Any, Any]:
+    def components(self) -> tuple[Value, ...]:
         """Along x[0], x[1] and x[2], which is not used in 2D."""
         return self.x, self.y, self.z
 
-    def density(self, on: Coefficients) -> Any:
+    def density(self, on: Coefficients) -> FieldValue:
         return on.vector(self.components)
 
 
@@ -278,7 +353,7 @@ class InitialStrain(Load):
 
     gives_strain = True
 
-    def strain(self, on: BodyCoefficients) -> Any:
+    def strain(self, on: BodyCoefficients) -> FieldValue | float:
         """The strain in each direction, UFL, a number."""
         raise NotImplementedError
 
@@ -286,7 +361,7 @@ class InitialStrain(Load):
 class Resistance(Effect):
     """Forces per area on a boundary that are linear in the displacement, and symmetric."""
 
-    def reaction(self, y: Any, on: Coefficients) -> Any:
+    def reaction(self, y: Expr, on: Coefficients) -> Expr:
         """Minus the force per area on the body, stress, UFL, shape (d,)."""
         raise NotImplementedError
 
@@ -300,12 +375,14 @@ class ContactPart(Effect):
     adds_up: ClassVar[bool] = False
 
 
-def _contact_part(entry: Any, info: ValidationInfo) -> Any:
+def _contact_part(entry: object, info: ValidationInfo) -> ContactPart | None:
     """A part of a contact, from its table or of its class, which is found by the key."""
     if entry is None:
         return None
     kind = load_class(CONTACT_PARTS, str(info.field_name), ContactPart)
-    return entry if isinstance(entry, kind) else TypeAdapter(kind).validate_python(entry)
+    if isinstance(entry, kind):
+        return entry
+    return TypeAdapter(kind).validate_python(entry)
 
 
 # A key of a contact for one, whose class is an entry point of that name.
@@ -315,7 +392,7 @@ Part = Annotated[Any, BeforeValidator(_contact_part)]
 # --- those of other packages ----------------------------------------------------------------------
 
 
-def listed(entry: Any) -> Any:
+def listed(entry: object) -> Sequence[object]:
     """Return a list of tables, for which a single table may stand."""
     if isinstance(entry, Mapping | BaseModel):
         return [entry]
@@ -324,7 +401,7 @@ def listed(entry: Any) -> Any:
     return entry
 
 
-def _of_package(entry: Any, info: ValidationInfo) -> Any:
+def _of_package(entry: object, info: ValidationInfo) -> tuple[Effect, ...]:
     """The entries of a key of another package, whose class is imported when there is one."""
     if not (several := listed(entry)):
         return ()

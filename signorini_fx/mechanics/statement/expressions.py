@@ -16,22 +16,27 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import pairwise
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Expr, FieldValue, Value
 from signorini_fx.tuned import SAME_NUMBER
 
+if TYPE_CHECKING:
+    from dolfinx.mesh import Mesh
+
+Operand: TypeAlias = "FieldValue | float"
 _ONE_ARGUMENT = ("abs", "cos", "exp", "log", "sign", "sin", "sqrt", "tan", "tanh")
-_ARITHMETIC: dict[type, Callable[..., Any]] = {
+_ARITHMETIC: dict[type, Callable[..., Operand]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
-_SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
+_SIGNS: dict[type, Callable[..., Operand]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 _ALLOWED = (
     "Allowed are numbers, pi, x[0], x[1], in 3D x[2], + - * / **, < <= > >=, and, or, not, "
     f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of "
@@ -58,14 +63,14 @@ _NUMPY: _Algebra = {
 }
 
 
-def _ufl_algebra(mesh: Any) -> _Algebra:
+def _ufl_algebra(mesh: Mesh) -> _Algebra:
     """Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled
     once.
     """
     import ufl
     from dolfinx import default_scalar_type, fem
 
-    def number(value: float) -> Any:
+    def number(value: float) -> fem.Constant:
         return fem.Constant(mesh, default_scalar_type(value))
 
     return {
@@ -89,12 +94,12 @@ def _ufl_algebra(mesh: Any) -> _Algebra:
 class _Evaluator:
     """The value of a syntax tree at one position and time."""
 
-    def __init__(self, algebra: _Algebra, position: Any, time: Any) -> None:
+    def __init__(self, algebra: _Algebra, position: FieldValue, time: Operand) -> None:
         self._algebra = algebra
         self._position = position
         self._time = time
 
-    def value(self, node: ast.expr) -> Any:
+    def value(self, node: ast.expr) -> Operand:
         """The value of a part of the tree, or a ``ValueError`` that says what is not allowed in
         it.
         """
@@ -141,13 +146,13 @@ class _Evaluator:
                 return self._call(name, arguments)
         raise ValueError(f"{ast.unparse(node)!r} is not available")
 
-    def _numbers(self, *nodes: ast.expr) -> list[Any]:
+    def _numbers(self, *nodes: ast.expr) -> list[Operand]:
         return [self._of_kind(node, condition=False) for node in nodes]
 
-    def _conditions(self, *nodes: ast.expr) -> list[Any]:
+    def _conditions(self, *nodes: ast.expr) -> list[Operand]:
         return [self._of_kind(node, condition=True) for node in nodes]
 
-    def _of_kind(self, node: ast.expr, *, condition: bool) -> Any:
+    def _of_kind(self, node: ast.expr, *, condition: bool) -> Operand:
         value = self.value(node)
         if self._algebra["is condition"](value) != condition:
             expected, found = ("condition", "number") if condition else ("number", "condition")
@@ -156,7 +161,7 @@ class _Evaluator:
             )
         return value
 
-    def _call(self, name: str, arguments: list[ast.expr]) -> Any:
+    def _call(self, name: str, arguments: list[ast.expr]) -> Operand:
         functions = self._algebra
         count = len(arguments)
         if name == "where" and count == 3:
@@ -167,7 +172,7 @@ class _Evaluator:
             return functions[name](*self._numbers(*arguments))
         raise ValueError(f"{name!r} of {count} arguments is not available")
 
-    def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
+    def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Operand:
         """A comparison but for round-off: else a jump at a point of quadrature depends on who
         computes its position.
         """
@@ -261,10 +266,10 @@ class Expression:
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
 
     @property
-    def _present_time(self) -> Any:
+    def _present_time(self) -> np.float64:
         return np.float64(math.nan if self.time is None else self.time)
 
-    def ufl(self, mesh: Any, time: Any = None) -> Any:
+    def ufl(self, mesh: Mesh, time: Expr | None = None) -> Expr:
         """Return the function as a UFL expression of ``SpatialCoordinate(mesh)``, with a
         ``Constant`` for t if it is given.
         """
@@ -280,7 +285,7 @@ class Expression:
         )
 
 
-def sample(value: Any, x: Array) -> Array:
+def sample(value: Value, x: Array) -> Array:
     """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape
     (n,).
 
@@ -297,14 +302,14 @@ def sample(value: Any, x: Array) -> Array:
     return np.broadcast_to(result, (x.shape[1],)).copy()
 
 
-def number(value: Any) -> float:
+def number(value: Value) -> float:
     """The value of a number, or of an ``Expression`` that does not depend on the position, at its
     time.
     """
     return float(sample(value, np.zeros((3, 1)))[0])
 
 
-def real_numbers(values: Any) -> Array:
+def real_numbers(values: npt.ArrayLike) -> Array:
     """Values that a function of a user gives, as an array, if they are real: NumPy would leave out
     imaginary parts.
     """

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
 
 from pydantic import BaseModel
 
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.rigid_body import MESH_IS
-from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.mechanics.statement.settings import Accuracy, Target
+from signorini_fx.mechanics.statement.statement import Statement
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     "mixed element": {
@@ -36,7 +36,7 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def features(statement: Any) -> Iterator[tuple[str, Keys]]:
+def features(statement: Statement) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
     solver = statement.solver
     accuracy = statement.accuracy
@@ -71,12 +71,12 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
                 yield name, (kind, number, *keys)
 
 
-def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
+def refused_by(statement: Statement, refuses: Mapping[str, str]) -> Contradictions:
     """The features of a scene that something refuses, with the key of each and the reason."""
     return ((path, refuses[name]) for name, path in features(statement) if name in refuses)
 
 
-def refusals(statement: Any) -> list[Mapping[str, str]]:
+def refusals(statement: Statement) -> list[Mapping[str, str]]:
     """Return what each of the features of a scene refuses, and why."""
     declared = {**REFUSED_BY_SETTINGS, statement.kinematics.words: statement.kinematics.refuses}
     for _, entry in statement.listed():
@@ -85,7 +85,7 @@ def refusals(statement: Any) -> list[Mapping[str, str]]:
     return [refused for name, refused in declared.items() if name in used]
 
 
-def divisible(statement: Any, of: str) -> bool:
+def divisible(statement: Statement, of: str) -> bool:
     """Whether nothing refuses to divide cells where the error of a quantity is, once several bodies
     are one mesh.
     """
@@ -97,7 +97,7 @@ def divisible(statement: Any, of: str) -> bool:
     return not any(names & {*refused} for refused in refusals(replace(statement, bodies=())))
 
 
-def accuracy_refused(statement: Any, of: Any) -> str:
+def accuracy_refused(statement: Statement, of: Target) -> str:
     """Why an accuracy of a quantity that nobody has asked for would be refused; "": it is not."""
     if statement.accuracy is not None:
         return ""
@@ -106,7 +106,7 @@ def accuracy_refused(statement: Any, of: Any) -> str:
     return next(reasons, "")
 
 
-def refused_features(statement: Any) -> Contradictions:
+def refused_features(statement: Statement) -> Contradictions:
     """The features of a scene that others of its features refuse."""
     return iter(
         dict.fromkeys(
@@ -124,7 +124,7 @@ _SPACE = MESH_IS[3]
 _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
 
-def dimension_problems(statement: Any, dimension: int) -> list[tuple[str, str]]:
+def dimension_problems(statement: Statement, dimension: int) -> list[tuple[str, str]]:
     """Every key of a statement that has no meaning on a mesh of this dimension, and why."""
     return [
         *_everywhere(statement, dimension),
@@ -132,7 +132,7 @@ def dimension_problems(statement: Any, dimension: int) -> list[tuple[str, str]]:
     ]
 
 
-def _everywhere(statement: Any, dimension: int) -> Iterator[tuple[str, str]]:
+def _everywhere(statement: Statement, dimension: int) -> Iterator[tuple[str, str]]:
     where = MESH_IS[dimension]
     for path, effect in statement.listed():
         for key in effect.vectors:
@@ -149,7 +149,7 @@ def _everywhere(statement: Any, dimension: int) -> Iterator[tuple[str, str]]:
                 yield f"contact[{index}].foundation.{key}", reason
 
 
-def _in_the_plane(statement: Any) -> Iterator[tuple[str, str]]:
+def _in_the_plane(statement: Statement) -> Iterator[tuple[str, str]]:
     for index, effect in enumerate(statement.displacement):
         if effect.axis is not None and not statement.kinematics.out_of_section:
             yield f"displacement[{index}].axis", f"{_PLANE}: a rotation is about x[2]"
@@ -166,7 +166,7 @@ def _in_the_plane(statement: Any) -> Iterator[tuple[str, str]]:
                 yield f"{path}.{name}".lstrip("."), f"{_PLANE}: there is no x[2]"
 
 
-def _in_space(statement: Any) -> Iterator[tuple[str, str]]:
+def _in_space(statement: Statement) -> Iterator[tuple[str, str]]:
     for index, material in enumerate(statement.material):
         if "hypothesis" in material.model_fields_set:
             reason = (
@@ -178,7 +178,7 @@ def _in_space(statement: Any) -> Iterator[tuple[str, str]]:
             yield f"displacement[{index}].axis", f"{_SPACE}: give 3 numbers, not {len(effect.axis)}"
 
 
-def _tables(node: Any, path: str) -> Iterator[tuple[str, BaseModel]]:
+def _tables(node: object, path: str) -> Iterator[tuple[str, BaseModel]]:
     """All tables of a scene with their paths."""
     if isinstance(node, BaseModel):
         yield path, node

@@ -14,12 +14,14 @@ from pydantic import TypeAdapter, ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
-from signorini_fx.mechanics.statement.base import plain_message
+from signorini_fx.mechanics.statement.base import TaggedMeshBase, plain_message
 
+# A generator of meshes, with parameters of its own.
+Generate = Callable[..., TaggedMeshBase]
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 
 
-def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
+def known_generators(name: str | None = None) -> dict[str, Callable[[], Generate]]:
     """Return functions that load the generators that a scene can name, in the order of their names;
     of two of one name that of this package.
 
@@ -39,13 +41,11 @@ def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
     return dict(sorted(generators.items()))
 
 
-def _of_this_package(name: str) -> Any:
+def _of_this_package(name: str) -> Generate:
     return import_module(f"{GENERATORS_PACKAGE}.{name}").generate
 
 
-def found_generator(
-    name: str, parameters: Mapping[str, Any]
-) -> tuple[Callable[..., Any], dict[str, Any]]:
+def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Generate, dict[str, Any]]:
     """The generator of this name, and the parameters as its annotations have them.
 
     Raises:
@@ -64,7 +64,7 @@ def found_generator(
     names = [
         key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY
     ]
-    values: dict[str, Any] = {}
+    values = {}
     problems: list[tuple[str, str]] = []
     for key, value in parameters.items():
         path = f"mesh.parameters.{key}"
@@ -81,13 +81,13 @@ def found_generator(
 
 
 @cache
-def types_of(generate: Callable[..., Any]) -> dict[str, Any]:
+def types_of(generate: Generate) -> dict[str, Any]:
     """The annotations of a generator."""
     return get_type_hints(generate, include_extras=True)
 
 
 @cache
-def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
+def _adapter(generate: Generate, key: str) -> TypeAdapter[Any]:
     """Return the validator of a parameter of a generator; pydantic takes longer to make it than
     gmsh to make a mesh.
     """

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, log10
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -56,7 +56,7 @@ class LoadSteps(Table):
 
     @model_validator(mode="after")
     def _cycles(self) -> Self:
-        wrong = list[tuple[tuple[str], str]]()
+        wrong = []
         if self.cycles is not None and (not isinstance(self.jump, int) or self.cycles % self.jump):
             wrong.append((("jump",), f"must be a number that divides the {self.cycles} cycles"))
         if self.cycles is not None and self.steps is not None:
@@ -76,7 +76,7 @@ class LoadSteps(Table):
         jumps = [self.jump] * (self.cycles // self.jump)
         if self.jump > 1:
             jumps[:1] = [1, self.jump - 1]
-        changed: dict[str, Any] = {"cycles": None}
+        changed: dict[str, tuple[float | str, ...] | None] = {"cycles": None}
         if self.jump > 1:
             changed["jump"] = tuple(jump for jump in jumps for _ in range(count))
         if self.times is not None:

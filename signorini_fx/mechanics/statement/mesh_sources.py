@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, InstanceOf, field_validator
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.base import JOIN, Table, TaggedMeshBase
-from signorini_fx.mechanics.statement.generators import found_generator, types_of
+from signorini_fx.mechanics.statement.generators import Generate, found_generator, types_of
 from signorini_fx.mechanics.statement.rigid_shape import Placed
 from signorini_fx.mechanics.statement.values import (
     Accepts,
@@ -84,7 +84,7 @@ class MeshGenerator(Table):
     generator: str
     parameters: Mapping[str, float | int | str | bool] = Field(default={})
 
-    def _generate(self) -> Any:
+    def _generate(self) -> Generate:
         return found_generator(self.generator, self.parameters)[0]
 
     @property
@@ -124,7 +124,7 @@ class MeshGenerator(Table):
             else None
         )
 
-    def having(self, **parameters: Any) -> MeshGenerator:
+    def having(self, **parameters: float | str) -> MeshGenerator:
         """Return the generator with other parameters."""
         return self.model_copy(update={"parameters": {**self.parameters, **parameters}})
 
@@ -167,7 +167,7 @@ class MeshInMemory(TaggedMeshBase):
         return first if first in _PROGRAMS else ""
 
 
-def one_mesh(entry: Any) -> Any:
+def one_mesh(entry: object) -> MeshFile | MeshGenerator | TaggedMeshBase:
     """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
     if isinstance(entry, Mapping):
         if ("file" in entry) == ("generator" in entry):
@@ -252,7 +252,7 @@ def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, .
     return tuple(wanted)
 
 
-def _in_body(name: str, body: Any) -> str:
+def _in_body(name: str, body: Body | None) -> str:
     """Return the name that a mesh may have for a boundary ``name`` of the scene; an empty string
     for one of another body.
     """

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Value
 from signorini_fx.mechanics.statement.base import Table, at_time
 from signorini_fx.mechanics.statement.expressions import Expression, number
 from signorini_fx.mechanics.statement.values import (
@@ -36,7 +36,7 @@ COMPONENTS: dict[int, tuple[Component, ...]] = {
 MESH_IS = {2: "the mesh is plane", 3: "the mesh is in 3D"}
 
 
-def _of_time(entry: Any) -> Any:
+def _of_time(entry: Value) -> Value:
     if not isinstance(entry, float) and not (
         isinstance(entry, Expression) and entry.coordinates == 0
     ):
@@ -48,7 +48,7 @@ def _of_time(entry: Any) -> Any:
 
 
 def _of_length(*lengths: int) -> AfterValidator:
-    def check(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    def check(numbers: tuple[Value, ...]) -> tuple[Value, ...]:
         if len(numbers) not in lengths:
             raise ValueError(f"{' or '.join(map(str, lengths))} numbers are expected")
         return numbers
@@ -90,9 +90,13 @@ class RigidMotion(Table):
     moment_of_inertia: Positive | Annotated[Entries[Positive], _of_length(3)] | None = None
     velocity: Mapping[Component, float] | None = None
 
-    def prescribes(self, component: Component) -> Any:
+    def prescribes(self, component: Component) -> Value | None:
         """Return the prescribed value of a component of the motion; None: it is free."""
         return (self.prescribed or {}).get(component)
+
+    def reference(self, dimension: int) -> Array:
+        """Return the place of the reference point, length, shape (d,)."""
+        raise NotImplementedError
 
     @property
     def drives(self) -> bool:
@@ -160,7 +164,7 @@ class RigidBody:
     """
 
     name: str
-    motion: Any
+    motion: RigidMotion
     parts: tuple[int, ...]
 
     def pivot(self, dimension: int) -> Array:
@@ -173,21 +177,23 @@ class RigidBody:
         return f"the foundation of {' and '.join(f'contact[{part}]' for part in self.parts)}"
 
 
-def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody, ...]:
+def rigid_bodies(
+    shapes: Sequence[RigidMotion | None], names: Sequence[str]
+) -> tuple[RigidBody, ...]:
     """Return the rigid bodies that the shapes of contacts belong to, by their names or those of the
     contacts; a shape is None where none moves.
     """
-    groups: dict[Any, list[int]] = {}
+    groups: dict[int | str, dict[int, RigidMotion]] = {}
     for part, shape in enumerate(shapes):
         if shape is not None:
             name = getattr(shape, "rigid", None)
-            groups.setdefault(part if name is None else name, []).append(part)
+            groups.setdefault(part if name is None else name, {})[part] = shape
     return tuple(
         RigidBody(
             key if isinstance(key, str) else names[key],
             next(
-                (shapes[part] for part in parts if getattr(shapes[part], "drives", True)),
-                shapes[parts[0]],
+                (shape for shape in parts.values() if getattr(shape, "drives", True)),
+                next(iter(parts.values())),
             ),
             tuple(parts),
         )
@@ -195,13 +201,17 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
     )
 
 
-def driven_twice(shapes: Sequence[Any], number: int) -> str:
+def driven_twice(shapes: Sequence[RigidMotion | None], number: int) -> str:
     """Return why a contact does not fit the others of its rigid body, see ``rigid_bodies``;
     otherwise an empty string.
     """
     if (name := getattr(shapes[number], "rigid", None)) is None:
         return ""
-    drivers = [shape for shape in shapes if getattr(shape, "rigid", None) == name and shape.drives]
+    drivers = [
+        shape
+        for shape in shapes
+        if shape is not None and getattr(shape, "rigid", None) == name and shape.drives
+    ]
     if len(drivers) == 1:
         return ""
     free = "" if drivers else "; prescribed = {} leaves it free"
@@ -211,6 +221,8 @@ def driven_twice(shapes: Sequence[Any], number: int) -> str:
     )
 
 
-def entries_of(value: Any) -> tuple[Any, ...]:
+def entries_of(
+    value: Value | Sequence[Value] | None,
+) -> Sequence[Value]:
     """The components of a vector, or a number as its only one; None: none."""
     return () if value is None else value if isinstance(value, tuple) else (value,)

@@ -20,12 +20,13 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Value
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.base import Table, problems_of
@@ -44,6 +45,15 @@ from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_I
 Placement = tuple[
     tuple[float, ...] | None, float | tuple[float, ...] | None, tuple[float, ...] | None
 ]
+
+
+class SignedDistance(Protocol):
+    """What a foundation may have as its shape: a solid with a distance."""
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal
+        at the closest point, shape (n, d).
+        """
 
 
 def unit(vector: Sequence[float]) -> Array:
@@ -90,9 +100,9 @@ class Placed(Table):
     """
 
     if TYPE_CHECKING:
-        shift: Any
-        rotation: Any
-        pivot: Any
+        shift: TimedVector | None
+        rotation: TimedAngle | None
+        pivot: Vector | None
 
     def placing_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Vectors that do not fit the dimension of the mesh, and why."""
@@ -313,8 +323,8 @@ class Distance:
     as foundations take them.
     """
 
-    shape: Any
-    added: Any
+    shape: SignedDistance
+    added: Value
     dimension: int
 
     def __call__(self, x: Array) -> Array:
@@ -325,7 +335,7 @@ class Distance:
         """The unit vector to the foundation, shape (d, n)."""
         return -self._of(x)[1].T
 
-    def _of(self, x: Array) -> Any:
+    def _of(self, x: Array) -> tuple[Array, Array]:
         return self.shape.distance(np.ascontiguousarray(x[: self.dimension].T))
 
 
@@ -343,6 +353,7 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
         raise SceneError(problems_of(error, source, shape_class(source["shape"]))) from None
     except ValueError as error:
         raise SceneError.at("", str(error)) from None
+    assert shape is not None
     if isinstance(shape, Shape) and (
         problems := list(shape.contradictions(dimension, turns=turns))
     ):
@@ -350,12 +361,17 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
     return Distance(shape, 0.0, dimension)
 
 
-def _floats(values: Any) -> Array:
+def corners_of(shape: SignedDistance | None, dimension: int) -> Corners | None:
+    """The corners of a shape; None: there is no shape, or one of a user's own that has none."""
+    return shape.corners(dimension) if shape is not None and hasattr(shape, "corners") else None
+
+
+def _floats(values: npt.ArrayLike) -> Array:
     """Return values as an array of floats."""
     return np.asarray(values, dtype=np.float64)
 
 
-def fault_of(shape: Any, x: Array, size: float) -> str:
+def fault_of(shape: SignedDistance, x: Array, size: float) -> str:
     """What the distance of a shape of a user's own is not, at points of the boundary of a body of
     this size, lengths, shape (n, d); "": nothing was found.
 
@@ -434,7 +450,7 @@ def shape_class(name: str) -> type[Shape]:
     return found
 
 
-def read_shape(entry: Any) -> Any:
+def read_shape(entry: Shape | Mapping[str, Any] | None) -> Shape | None:
     """A shape from a table, else a ``ValueError``; itself if it is one."""
     if entry is None or isinstance(entry, Shape):
         return entry

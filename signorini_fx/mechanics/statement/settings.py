@@ -15,8 +15,8 @@ from signorini_fx.mechanics.statement.values import (
     Accepts,
     Automatic,
     Count,
+    GivenValue,
     Positive,
-    Value,
     bounded,
     share,
 )
@@ -28,6 +28,10 @@ def known_linear_algebra() -> tuple[str, ...]:
     """
     kinds = ("auto", "full", "krylov", "condensed")
     return (*kinds, *(name for name in names_of(LINEAR_SOLVERS) if name not in kinds))
+
+
+# What an accuracy is of.
+Target = Literal["energy", "pressure", "force", "zone", "peak"]
 
 
 class Element(Table):
@@ -122,7 +126,7 @@ class SolverSettings(Table):
     gamma_n: Automatic = "auto"
     gamma_t: Automatic = "auto"
     sigma: Automatic = "auto"
-    initial_contact: Literal["auto", "all"] | Value = "auto"
+    initial_contact: Literal["auto", "all"] | GivenValue = "auto"
     gamma_first: Automatic = "auto"
     gamma_factor: Annotated[
         float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(bounded)
@@ -183,7 +187,7 @@ class Accuracy(Table):
     target: Accepts[
         float | str, Annotated[float, Field(gt=0, lt=1, strict=True), BeforeValidator(share)]
     ]
-    of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
+    of: Target = "energy"
     refinement: Literal["auto", "uniform", "adaptive"] = "auto"
     seconds: Positive | None = None
     memory: Positive | None = None

@@ -8,98 +8,33 @@ from nor how it was read.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self, TypeVar
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
-from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, Load
-from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at
+from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, Load, Stated
+from signorini_fx.mechanics.statement.load_path import LoadPath, factor_at
 from signorini_fx.mechanics.statement.rigid_body import RigidBody, rigid_bodies
-from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings, Units
 from signorini_fx.mechanics.statement.units import unit_names
 
 _Effect = TypeVar("_Effect", bound=Effect)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Statement:
-    """A problem without its mesh.
-
-    Attributes:
-        title: any text.
-        incomplete: what is missing of what was meant; results say so.
-        effects: all entries by their keys, in the order of the keys of a scene; a key without
-            entries is there as well, but forms have the key ``contact`` alone.
-        kinematics: that of the body if its mesh is plane.
-        element: degree and volumetric integration.
-        load_steps: names and times of load steps, and an automatic ramp.
-        steps: number of factors of each load; that of the load steps, unless there is a ramp
-            between them.
-        solver: algorithms, their parameters and limits.
-        accuracy: the accuracy to be reached by refinement; None: no refinement.
-        units: names of units for labels; None: they are not known.
-        bodies: the names of the regions that are bodies with meshes of their own.
-        generated: whether all cells are made by generators.
-        remade: whether all cells are made by generators or of drawings.
-        arcs: whether the mesh may stand for a body with arcs.
-        single: the keys of effects of which there can be one only.
-        origin: what else was given, by its keys, for the summary alone.
-        found: the shortenings that forces have led to, length, by the identity of a preload and
-            the places of load steps.
-    """
-
-    title: str
-    effects: Mapping[str, tuple[Any, ...]]
-    kinematics: Kinematics
-    element: Element
-    load_steps: LoadSteps
-    steps: int
-    solver: SolverSettings
-    incomplete: Sequence[str] = ()
-    accuracy: Accuracy | None = None
-    units: Units | None = None
-    bodies: tuple[str, ...] = ()
-    generated: bool = False
-    remade: bool = False
-    arcs: bool = True
-    single: frozenset[str] = frozenset()
-    origin: Mapping[str, Any] = field(default_factory=dict)
-    found: Mapping[int, Mapping[float, float]] = field(default_factory=dict, compare=False)
+class Statement(Stated):
+    """A problem without its mesh, and what follows from it."""
 
     def changed(self, **entries: tuple[Any, ...]) -> Self:
         """Return the statement with other entries of some keys."""
         return replace(self, effects={**self.effects, **entries})
 
     @property
-    def contact(self) -> tuple[Any, ...]:
-        """The contact of each boundary."""
-        return self.effects.get("contact", ())
-
-    @property
-    def material(self) -> tuple[Any, ...]:
-        """Return one material for the body, or one for each named region; none where only forms
-        have it.
-        """
-        return self.effects.get("material", ())
-
-    @property
-    def nonlinear(self) -> bool:
-        """Return whether some material is nonlinear, so that ``scenes.nonlinear`` solves
-        the body.
-        """
-        return not all(material.linear for material in self.material)
-
-    @property
     def finite_strains(self) -> bool:
         """Return whether some material has finite strains."""
         return any(material.finite for material in self.material)
-
-    @property
-    def displacement(self) -> tuple[Any, ...]:
-        """The prescribed displacements."""
-        return self.effects.get("displacement", ())
 
     @property
     def tables(self) -> dict[str, Any]:
@@ -108,7 +43,7 @@ class Statement:
             key: next(iter(several), None) if key in self.single else several
             for key, several in self.effects.items()
         }
-        settings: dict[str, Any] = {"load_steps": self.load_steps, "solver": self.solver}
+        settings: dict[str, Table | None] = {"load_steps": self.load_steps, "solver": self.solver}
         if self.units is not None:
             settings |= {"accuracy": self.accuracy, "units": self.units}
         element = {"degree": self.element.degree} if self.units is None else self.element
@@ -176,7 +111,7 @@ class Statement:
         """The sections across bolts that are shortened."""
         return tuple(entry for entry in self.effects.get("preload", ()) if entry.acts)
 
-    def drives(self, dimension: int, step: float) -> list[tuple[Any, Any]]:
+    def drives(self, dimension: int, step: float) -> list[tuple[Array, Array]]:
         """Return the loads of each rigid body at a place in the lists of factors, see ``now``:
         forces and moments, and the prescribed components, nan where they are free, shapes (m,).
         """

@@ -6,21 +6,28 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
+from signorini_fx.arrays import Array, Value
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic.json_schema import JsonSchemaValue
+    from pydantic_core import CoreSchema
 
 _LONGEST_SHOWN = 200
 _Given = TypeVar("_Given")
 _Kept = TypeVar("_Kept")
 
 
-def shown(entry: Any) -> str:
+def shown(entry: object) -> str:
     """A value in a message, shortened if it is long."""
     try:
         text = repr(entry).lower() if isinstance(entry, bool) else repr(entry)
@@ -47,14 +54,14 @@ def plain_number(entry: Any) -> Any:
     return entry
 
 
-def timed(entry: Any) -> Any:
+def timed(entry: Value | str) -> Value:
     """Return ``value`` of an entry that load steps change: an expression may depend on
     the time t.
     """
     return Expression(entry, allows_time=True) if isinstance(entry, str) else value(entry)
 
 
-def sampled(entry: Any) -> Any:
+def sampled(entry: Value | str) -> Value:
     """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
     checked = value(entry)
     if hasattr(checked, "ufl_domain"):
@@ -62,7 +69,7 @@ def sampled(entry: Any) -> Any:
     return checked
 
 
-def not_at_points(entry: Any) -> str:
+def not_at_points(entry: object) -> str:
     """Return the message of a form where values at points are needed."""
     return (
         f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the "
@@ -88,7 +95,7 @@ def bounded(number: float) -> float:
     raise ValueError(f"must not be {limit}, got {shown(number)}")
 
 
-def value(entry: Any) -> Any:
+def value(entry: Value | str) -> Value:
     """A number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(entry, bool):
         raise ValueError("a number or an expression of the position is expected, not true or false")
@@ -108,7 +115,7 @@ def value(entry: Any) -> Any:
     raise ValueError(f"a number or an expression of the position is expected, not {kind_of(entry)}")
 
 
-def not_negative(entry: Any) -> Any:
+def not_negative(entry: _Given) -> _Given:
     """A value that is not a negative number."""
     if isinstance(entry, float) and entry < 0:
         raise ValueError(f"must not be negative, got {float(entry)}")
@@ -120,11 +127,13 @@ class _NumberOrText:
     into it.
     """
 
-    def __get_pydantic_json_schema__(self, _: Any, __: Any) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, _: CoreSchema, __: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         return {"type": ["number", "string"]}
 
 
-Value = Annotated[Any, BeforeValidator(value), _NumberOrText()]
+GivenValue = Annotated[Any, BeforeValidator(value), _NumberOrText()]
 
 
 TimedValue = Annotated[Any, BeforeValidator(timed), _NumberOrText()]
@@ -135,7 +144,7 @@ NonNegativeValue = Annotated[
 ]
 
 
-def share(entry: Any) -> Any:
+def share(entry: _Given) -> _Given | float:
     """A number, or a text such as ``5%``."""
     match = (
         re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
@@ -186,7 +195,7 @@ class Accepts(Generic[_Given, _Kept]):
         def __set__(self, table: object, given: _Given) -> None: ...
     else:
 
-        def __class_getitem__(cls, types: tuple[Any, Any]) -> Any:
+        def __class_getitem__(cls, types: tuple[type, type]) -> object:
             return Annotated[types[1], cls.__name__]
 
 
@@ -195,7 +204,9 @@ Direction = Annotated[Vector, AfterValidator(_not_zero)]
 Automatic = Positive | Literal["auto"]
 
 
-def selection(entry: Any) -> Any:
+def selection(
+    entry: int | Sequence[int] | str | Callable[[Array], npt.ArrayLike],
+) -> int | tuple[int, ...] | Callable[[Array], npt.ArrayLike]:
     """A number in the cell data of a mesh file, a list of them, or a rule; everything else is
     refused.
     """

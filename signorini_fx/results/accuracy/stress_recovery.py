@@ -87,12 +87,12 @@ class StressRecovery:
     @classmethod
     def of(cls, model: Model) -> StressRecovery:
         """Return the recovery of the stress of a scene."""
-        stress = element_stress(model, model.elastic.displacement())
+        stress = element_stress(model, model.scene_law.displacement())
         # Without the radius, and expressions in the stress, all is a product of two polynomials
         # like the strain.
         strained = any(effect.gives_strain for _, effect in model.statement.listed())
-        plain = model.kinematics.uniform and not strained and not model.elastic.pressed
-        degree = model.elastic.degree if plain and parallelepipeds(model.tagged.mesh) else None
+        plain = model.kinematics.uniform and not strained and not model.scene_law.pressed
+        degree = model.scene_law.degree if plain and parallelepipeds(model.tagged.mesh) else None
         return cls(stress, partial(boundary_residual, model, stress), degree)
 
     def _choose(self, cells: Indices) -> None:
@@ -332,6 +332,7 @@ def squared_residual(
     kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
     ds = measure(mesh, [facets[(on == kind).all(axis=1)] for kind in kinds], {})
     terms = []
+    assert stress.modulus is not None  # of a linear body
     for number, kind in enumerate(kinds, start=1):
         residual, away, varies = of(
             np.flatnonzero(kind[:-1]), -stress.sigma * ufl.FacetNormal(mesh)
@@ -354,7 +355,7 @@ def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -
     collective.
     """
     initial, jump, move = given_strains(body.statement, body.tagged, body.space)
-    of_law = body.elastic.stress(
+    of_law = body.scene_law.stress(
         displacement, displacement if jump is None else displacement + jump, initial
     )
     parts = [body.tagged.cells(material.region) for material in body.materials]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -208,7 +208,7 @@ def judged(
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
     length = np.maximum(deformed, NO_FORCE * far.max())
-    figures = {
+    figures: dict[str, Any] = {
         "supports": share(comm, supports.missed(y), length[supports.among(pieces.piece)]),
         "displacement": float(far.max()) / balance.scales.size,
         "law": law,

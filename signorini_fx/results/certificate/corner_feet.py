@@ -16,7 +16,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
-from signorini_fx.mechanics.statement.rigid_shape import Corners
+from signorini_fx.mechanics.statement.rigid_shape import Corners, corners_of
 from signorini_fx.tuned import ALONG_FACET, BEYOND_FACET, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH
 
 
@@ -46,7 +46,8 @@ def judged_corners(
         counts = parallel.gather_rows(boundary.comm, np.array([[rows.size]]))
         if not counts.any():
             continue
-        corners = foundation.shape.corners(2)
+        corners = corners_of(foundation.shape, 2)
+        assert corners is not None
         if counts.sum() != 2 * len(corners.places):
             gap[part] = np.nan  # not all corners have contact points: no certificate holds
             continue

@@ -39,8 +39,8 @@ class Balance:
     internal: Array  # a(y, .) of the strains
     external: Array  # L
     supports: PrescribedNodes  # what is prescribed
-    scales: Scales  # of lengths and stresses
-    stiffest: Scales  # the same with the largest modulus
+    scales: Scales[float]  # of lengths and stresses
+    stiffest: Scales[float]  # the same with the largest modulus
     resisted: Array  # what resists the displacement on the boundary, the rest of a(y, .)
     initial: Array | float = 0.0  # those of initial strains where they are prevented
     prevented: float = 0.0  # energy of their stress then
@@ -100,10 +100,10 @@ class Balance:
             0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0
         )
 
-    def of_pieces(self) -> tuple[Scales, Scales]:
+    def of_pieces(self) -> tuple[Scales[Array], Scales[Array]]:
         """``scales`` and ``stiffest`` of all pieces."""
         size = self.pieces.size if self.pieces.count > 1 else np.array([self.scales.size])
-        return replace(self.scales, size=size), replace(self.stiffest, size=size)
+        return self.scales.of_pieces(size), self.stiffest.of_pieces(size)
 
     @cached_property
     def imposed(self) -> Flags:

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Column, Flags, Ints
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.cells import (
     CELLS,
@@ -30,7 +29,7 @@ from signorini_fx.tuned import LARGEST_NUMBER
 Selection = int | tuple[int, ...] | Callable[[Array], Array]
 
 
-def plain(values: npt.NDArray[Any]) -> Any:
+def plain(values: Column) -> Any:
     """An array as lists of Python numbers."""
     return values.tolist()
 
@@ -215,13 +214,13 @@ def from_raw(
     sides = _entities(raw, "boundaries", "exterior facet", corners_of_sides, named, of_facets)
     parts = _entities(raw, "regions", "cell", corners, body, np.arange(len(cells)))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names = dict[str, Ints]()
+    names = {}
     names_of_parts = dict[str, Ints]()
     for label, nodes in raw.node_sets.items():  # the exterior facets with all corners in a set
         if (within := np.flatnonzero(np.isin(sides.nodes, renumber[nodes]).all(axis=1))).size:
             names[label] = within
     astray: dict[str, int] = {}
-    problems: list[tuple[str, str]] = []
+    problems = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         numbers = _numbers(entities, data, name)
         word = "boundary" if entities is sides else "region"
@@ -325,7 +324,7 @@ def _entities(
         label: np.concatenate([none, *(at + rows[n] for n, at in placed)])
         for label, rows in raw.sets.items()
     }
-    data: dict[str, Mapping[int, Ints]] = {}
+    data = {}
     for label, columns in raw.data.items():
         elements = [(at + np.indices(columns[n].shape)[0]).ravel() for n, at in placed]
         data[label] = _by_number(elements, [columns[n].ravel() for n in blocks]) if blocks else {}

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import basix
 import numpy as np
@@ -14,6 +14,9 @@ import numpy as np
 from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.tuned import SAME_NUMBER
+
+if TYPE_CHECKING:
+    from dolfinx.mesh import Mesh
 
 Corners = tuple[int, ...]
 
@@ -75,7 +78,7 @@ class Cell:
         return self._element.points
 
     @cached_property
-    def _element(self) -> Any:
+    def _element(self) -> basix.finite_element.FiniteElement:
         even = basix.LagrangeVariant.equispaced
         return basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
 
@@ -109,7 +112,7 @@ _KINDS = (
 CELLS = {cell.kind: cell for cell in _KINDS}
 
 
-def kind_of_mesh(mesh: Any) -> Cell | None:
+def kind_of_mesh(mesh: Mesh) -> Cell | None:
     """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
     from signorini_fx.machine import compat
 

@@ -10,7 +10,7 @@ import io
 import os
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -29,6 +29,9 @@ from signorini_fx.mechanics.statement.mesh_sources import (
     MeshInMemory,
 )
 from signorini_fx.tuned import SAME_LENGTH
+
+if TYPE_CHECKING:
+    import meshio
 
 
 def read_file(
@@ -157,7 +160,7 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
         raise MeshError(f"{file}: meshio cannot read it as {kind}: {reason}") from None
 
 
-def _of_meshio(mesh: Any) -> RawMesh:
+def _of_meshio(mesh: meshio.Mesh) -> RawMesh:
     raw = RawMesh(
         np.asarray(mesh.points),
         [(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells],

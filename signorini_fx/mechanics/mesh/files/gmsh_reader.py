@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -62,7 +62,7 @@ _NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
 
 
 @contextlib.contextmanager
-def gmsh_session(failure: str) -> Iterator[Any]:
+def gmsh_session(failure: str) -> Iterator[ModuleType]:
     """The module gmsh with an empty model and the same options for everybody: silent, and no file
     of options is read.
 
@@ -91,7 +91,7 @@ def gmsh_session(failure: str) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def _opened(gmsh: Any) -> Iterator[None]:
+def _opened(gmsh: ModuleType) -> Iterator[None]:
     """A session of gmsh with its default options, or within one that the caller has open, whose
     models and options are left as they were.
     """
@@ -157,7 +157,7 @@ def read_gmsh(
         return with_sizes(gmsh, partial(make, 0, 1), wanted, sizes, cure) or wanted()
 
 
-def content(gmsh: Any) -> RawMesh:
+def content(gmsh: ModuleType) -> RawMesh:
     """The mesh of the current model; physical groups are sets."""
     tags, x, _ = gmsh.model.mesh.getNodes()
     numbering = Numbering(np.asarray(tags, dtype=np.int64))
@@ -166,7 +166,7 @@ def content(gmsh: Any) -> RawMesh:
     top = 3 if len(gmsh.model.mesh.getElementTypes(3)) else 2
     raw = RawMesh(np.asarray(x).reshape(-1, 3), [])
     members: dict[str, list[int]] = {}
-    physical: list[Ints] = []
+    physical = []
     for dim, entity in gmsh.model.getEntities():
         numbers = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
         if dim < top - 1 or ((dim in grouped or dim < top) and not numbers):
@@ -193,7 +193,7 @@ def content(gmsh: Any) -> RawMesh:
     return raw
 
 
-def _order(kind: str, count: int) -> Any:
+def _order(kind: str, count: int) -> Ints:
     """Node k of an element of meshio is the node with this number in gmsh."""
     full_cell = completed(kind)
     cell = CELLS.get(kind) if full_cell is None else full_cell[0]
@@ -256,7 +256,7 @@ def _begins_as(file: Path, *forms: str) -> bool:
     return start.startswith(tuple(word for form in forms for word in _BEGINNINGS[form]))
 
 
-def _run(gmsh: Any, file: Path) -> None:
+def _run(gmsh: ModuleType, file: Path) -> None:
     """Run a script, to its end in any case: gmsh's parser would begin the next one where it left
     this one.
     """
@@ -282,7 +282,7 @@ def _run(gmsh: Any, file: Path) -> None:
         raise ValueError(errors[0])
 
 
-def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
+def _import(gmsh: ModuleType, file: Path, form: str, size: float | None, *, joined: bool) -> None:
     """Import a CAD drawing; each surface is a physical group with its number, and so is each
     solid.
     """
@@ -309,7 +309,7 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
             gmsh.model.addPhysicalGroup(dim, [tag], tag, name if dim == top else "")
 
 
-def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
+def _mesh(gmsh: ModuleType, halvings: int, degree: int | None) -> None:
     """Mesh the drawing."""
     if (
         degree
@@ -326,7 +326,7 @@ def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
         gmsh.model.mesh.optimize("HighOrder")  # it moves the nodes between the corners
 
 
-def _inverted(gmsh: Any) -> bool:
+def _inverted(gmsh: ModuleType) -> bool:
     """Whether a curved solid cell has been turned inside out."""
     mesh = gmsh.model.mesh
     kinds = [kind for kind in mesh.getElementTypes(3) if mesh.getElementProperties(kind)[2] > 1]
@@ -334,7 +334,7 @@ def _inverted(gmsh: Any) -> bool:
     return not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells)
 
 
-def set_order(gmsh: Any, order: int) -> None:
+def set_order(gmsh: ModuleType, order: int) -> None:
     """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is
     inverted.
 

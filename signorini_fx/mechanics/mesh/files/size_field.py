@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class SizeField:
     cells: Ints  # corners of each cell, shape (m, c)
     sizes: Array  # length of the cells at each point, shape (n,)
 
-    def apply(self, gmsh: Any, unit: float = 1.0) -> None:
+    def apply(self, gmsh: ModuleType, unit: float = 1.0) -> None:
         """Let the current model of gmsh, which has a unit of this length, have cells of these
         lengths alone, whatever its own settings are.
         """
@@ -73,7 +73,7 @@ Sizes = Sequence[ContactSize] | SizeField
 
 
 def with_sizes(
-    gmsh: Any,
+    gmsh: ModuleType,
     before: Callable[[], MeshArrays],
     make: Callable[[], MeshArrays],
     sizes: Sizes,
