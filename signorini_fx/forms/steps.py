@@ -41,6 +41,7 @@ def solve_path(
     way = Increments(path, solver.settings)
     with options_applied(*solver.options):
         for new, report in run(solver, solver.begin, way, guess=solver.last, stored=stored):
+            assert isinstance(report, Report)
             solver.show_step(new, report)
             reports.append(report)
             if report.status is Status.CONVERGED:
@@ -54,6 +55,7 @@ def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, St
     solver.go_through(LoadPath((time,)))
     with options_applied(*solver.options):
         new, report = step(solver, state, 0.0)
+    assert isinstance(report, Report)
     solver.show_step(new, report)
     return new, report.result
 

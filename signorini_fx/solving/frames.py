@@ -8,7 +8,6 @@ are those of then.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -348,7 +347,7 @@ def components(vectors: Array, cotangents: Array) -> Array:
     return rmatvec(cotangents, vectors)
 
 
-def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
+def _along(boundary: ContactBoundary, moved: Array | None) -> Array | float:
     """The components of motions along the boundary, shape (n, d - 1)."""
     return 0.0 if moved is None else rmatvec(boundary.tangents, moved)
 

@@ -121,7 +121,7 @@ class Increments(PathIncrements):
         )
         return FAILED_STEP * before_smaller if self._encloses else before_smaller
 
-    def bracket(self, status: Status) -> str | None:
+    def bracket(self, status: Status | None) -> str | None:
         """Between which loads a ramp has ended with this status; None where no ramp or no load is
         the reason.
         """
@@ -131,7 +131,7 @@ class Increments(PathIncrements):
         held = "without any load" if nothing else f"at time {self.path.time_at(self.reached):.6g}"
         return f"there is a solution {held}, and none at time {self.path.time_at(self.next):.6g}"
 
-    def _is_final(self, status: Status) -> bool:
+    def _is_final(self, status: Status | None) -> bool:
         """Whether a load step that ended with ``status`` has no solution for any increment."""
         return (
             not self._divisible
@@ -155,7 +155,7 @@ class Increments(PathIncrements):
             self.increment = 2 * self.increment
             self.easy = 0
 
-    def shorten(self, status: Status, place: float) -> bool:
+    def shorten(self, status: Status | None, place: float) -> bool:
         """Halve the increment, as the step to a place ended with ``status``; whether a smaller one
         may be tried.
         """
@@ -205,7 +205,7 @@ class HalvedIncrements(PathIncrements):
             return None
         return FAILED_STEP**2 * max(self.last, EASY_STEP)
 
-    def bracket(self, status: Status) -> str | None:
+    def bracket(self, status: Status | None) -> str | None:
         """See ``Increments``: a failure says it in its own words."""
         return None
 
@@ -236,7 +236,7 @@ def check_step(state: State, time: float, space: fem.FunctionSpace) -> None:
     Raises:
         SceneError: it is one of these.
     """
-    problems = list[tuple[str, str]]()
+    problems = []
     nodes = space.dofmap.index_map
     size = (nodes.size_local + nodes.num_ghosts) * space.dofmap.index_map_bs
     if state.displacement.size != size:

@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import inf
-from typing import Any
 
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.solving.increments import HalvedIncrements, Increments
 from signorini_fx.solving.restart import StoredStates, marks_of
-from signorini_fx.solving.step import step
+from signorini_fx.solving.step import Ending, Failure, Report, StoredProblem, step
 from signorini_fx.solving.time_steps import time_error, time_steps
 
 
 def run(
-    problem: Any,
+    problem: StoredProblem,
     state: State,
     way: Increments | HalvedIncrements,
     *,
     guess: State | None = None,
     stored: StoredStates | None = None,
-) -> Iterator[tuple[State, Any]]:
+) -> Iterator[tuple[State, Ending]]:
     """Solve one load step after the other, or take it from what is stored, until there is none;
     collective.
 
@@ -41,7 +40,7 @@ def run(
     history = problem.history
     between = list[tuple[float, Mapping[str, float]]]()
 
-    def passed(new: State, report: Any, *, kept: bool) -> Iterator[tuple[State, Any]]:
+    def passed(new: State, report: Report, *, kept: bool) -> Iterator[tuple[State, Report]]:
         """A step has a solution, of which all that is shown is kept, or its figures alone."""
         figures = report.result.figures
         if (error := time_error(new)) is not None:
@@ -57,13 +56,13 @@ def run(
             yield new, report
 
     if stored is not None:
-        for new, report, kept in stored.recalled(problem, state, way):
+        for new, earlier, kept in stored.recalled(problem, state, way):
             state = new
-            yield from passed(new, report, kept=kept)
+            yield from passed(new, earlier, kept=kept)
     marks = marks_of(history)
     end = told = -inf
 
-    def solve(begin: State, at: float, time: float) -> tuple[State, Any]:
+    def solve(begin: State, at: float, time: float) -> tuple[State, Ending]:
         """The step from a state to a place, which ends at a time."""
         nonlocal told
         if problem.path.several and time == end != told:
@@ -76,7 +75,7 @@ def run(
         end = problem.path.time_at(place)
         for new, report, at, time in time_steps(problem, state, way.reached, place, solve):
             status = report.status
-            if status is not Status.CONVERGED:
+            if isinstance(report, Failure) or status is not Status.CONVERGED:
                 if not history.exhausted and way.shorten(status, at):
                     history.add(f"{report}: half the increment")
                     continue

@@ -8,10 +8,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
@@ -19,7 +18,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.linalg.petsc_calls import memory_ended
-from signorini_fx.arrays import Array, length, matvec, quotient, rmatvec, unit
+from signorini_fx.arrays import Array, Column, length, matvec, quotient, rmatvec, unit
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -321,7 +320,7 @@ def carry_over(
     boundary = coarse.boundary
     tangents = boundary.tangents
     # Directions and shears as vectors in 3D, because the tangents of neighbours need not agree.
-    state: list[npt.NDArray[Any]] = [
+    state: list[Column] = [
         boundary.part,
         boundary.x,
         coarse.in_contact,

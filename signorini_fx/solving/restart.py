@@ -29,7 +29,7 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status, 
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, refuse_foreign
 from signorini_fx.solving.increments import PathIncrements
-from signorini_fx.solving.step import ended
+from signorini_fx.solving.step import Ending, Failure, Report, StoredProblem, ended
 
 Figures = dict[str, Any]
 Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far
@@ -89,10 +89,10 @@ class StoredStates:
 
     def recalled(
         self,
-        problem: Any,
+        problem: StoredProblem,
         state: State,
         way: PathIncrements,
-    ) -> Iterator[tuple[State, Any, bool]]:
+    ) -> Iterator[tuple[State, Report, bool]]:
         """The steps of an earlier run that follow a state, with which the way goes on, and whether
         each ends a load step.
         """
@@ -102,7 +102,7 @@ class StoredStates:
             if end is None:
                 return
             state, report = end
-            if report.status is not Status.CONVERGED:
+            if isinstance(report, Failure) or report.status is not Status.CONVERGED:
                 problem.history.add(f"restart: {report}: it is solved again")
                 self.forget(number)
                 return
@@ -125,9 +125,9 @@ class StoredStates:
 
     def write(
         self,
-        problem: Any,
+        problem: StoredProblem,
         new: State,
-        report: Any,
+        report: Report,
         way: PathIncrements,
         marks: Marks,
         *,
@@ -234,17 +234,19 @@ class StoredStates:
 
 
 def recalled(
-    problem: Any, state: State, figures: Figures, read: Callable[..., State | None]
-) -> tuple[State, Any] | None:
+    problem: StoredProblem, state: State, figures: Figures, read: Callable[..., State | None]
+) -> tuple[State, Ending] | None:
     """The end of a load step that follows a state, as an earlier run has stored it, with what is
     shown of it, evaluated again; None: it cannot be read; collective.
     """
     place, time = (float(figures[name]) for name in ("place", "time"))
     with problem.timings.phase("restart"):
         found = problem.recall(state, place, time, read, figures["method"])
-    if found is None or found[1].result is None:
-        return found
+    if found is None:
+        return None
     new, report = found
+    if isinstance(report, Failure):
+        return found
     if report.status is Status.CONVERGED:
         _, report = ended(problem, state, new, report, stored=True)
     result = replace(report.result, linear_solves=figures["linear_solves"])

@@ -64,7 +64,7 @@ def solve_mesh(
     load: Callable[[], TaggedMesh],
     history: History,
     contact: ContactState | None,
-    on_step: Callable[[Report], object] = lambda report: None,
+    on_step: Callable[[Report], None] = lambda report: None,
     coarser: MeshLevel | None = None,
     stored: StoredStates | None = None,
     begin: State | None = None,
@@ -142,7 +142,7 @@ def _displacement_of_coarser(task: Task, model: Model) -> Array | None:
 def solve_contact(
     problem: StatedProblem,
     contact: ContactState | None,
-    on_step: Callable[[Report], object] = lambda report: None,
+    on_step: Callable[[Report], None] = lambda report: None,
     stored: StoredStates | None = None,
     near: Array | None = None,
     begin: State | None = None,
@@ -166,9 +166,10 @@ def solve_contact(
     if begin.number:
         check_step(begin, problem.path.times[-1], problem.model.space)
         way.begin_at(problem.path.place_of(begin.time))
-    reports = list[Report]()
+    reports = []
     state = None
     for new, report in run(problem, begin, way, guess=guess, stored=stored):
+        assert isinstance(report, Report)
         reports.append(report)
         if report.status is Status.CONVERGED:
             state = new
@@ -477,6 +478,7 @@ class StatedProblem:
         place = self.path.place_of(time)
         reached = self.path.place_of(state.time) if state.number else place - 1.0
         new, report = all_steps(self, state, reached, place, partial(step, self))
+        assert isinstance(report, Report)
         return new, report.result
 
 

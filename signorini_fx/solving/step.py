@@ -23,7 +23,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, Place
 from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import (
@@ -69,11 +69,25 @@ class Problem(Protocol):
         time: float,
         guess: State | None = None,
         budget: int | None = None,
-    ) -> tuple[State, Any]:
+    ) -> tuple[State, Ending]:
         """Return the end of a step before effects in time, and its report, see ``step``."""
 
-    def accept(self, new: State, report: Any) -> None:
+    def accept(self, new: State, report: Report) -> None:
         """A step has ended with a solution, from which the next one goes on."""
+
+
+class StoredProblem(Problem, Protocol):
+    """A problem whose load steps can be stored."""
+
+    def recall(
+        self,
+        state: State,
+        place: float,
+        time: float,
+        read: Callable[..., State | None],
+        method: Mapping[str, Any],
+    ) -> tuple[State, Ending] | None:
+        """Return the end of a stored step before effects in time, see ``recalled_equilibrium``."""
 
 
 class LinearProblem(Problem, Protocol):
@@ -126,6 +140,29 @@ class Report:
         return f"{self.result}: {self.status.value}"
 
 
+@dataclass(frozen=True)
+class Failure:
+    """How a load step of a nonlinear body has ended that has nothing to show.
+
+    Attributes:
+        record: the step in words.
+        status: None: by an error.
+        why: there is no solution, in words.
+        error: by which it has ended.
+    """
+
+    record: StepRecord
+    status: Status | None
+    why: str
+    error: FormError | None = None
+
+    def __str__(self) -> str:
+        return f"{self.record}: {self.why}"
+
+
+Ending = Report | Failure
+
+
 def step(
     problem: Problem,
     state: State,
@@ -134,7 +171,7 @@ def step(
     *,
     guess: State | None = None,
     budget: int | None = None,
-) -> tuple[State, Any]:
+) -> tuple[State, Ending]:
     """Solve the step from a state to a place on the path; a failure changes nothing that a later
     step begins from; collective.
 
@@ -156,6 +193,8 @@ def step(
     for turn in range(_MOST_TURNS):
         left = None if budget is None else budget - (problem.history.linear_solves - solves)
         new, report = problem.equilibrium(state, place, time, guess, left)
+        if isinstance(report, Failure):
+            break
         if report.status is not Status.CONVERGED or not problem.effects or turn == _MOST_TURNS - 1:
             break  # effects see whether the last turn has settled
         end = _end_of(problem, state, report)
@@ -164,11 +203,10 @@ def step(
         if again is None:
             break
         state, guess = again, new
-    if report.result is None:
+    if isinstance(report, Failure):
         return new, report
     if report.status is Status.CONVERGED:
         new, report = ended(problem, state, new, report)
-    assert report.result is not None
     count = problem.history.linear_solves - solves
     return new, replace(report, result=replace(report.result, linear_solves=count))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import Any
+from typing import TypeGuard
 
 import numpy as np
 import ufl
@@ -21,13 +21,15 @@ from signorini_fx.mechanics.assembly.mesh_entities import compile_form
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status
 from signorini_fx.solving.frames import Posed
+from signorini_fx.solving.step import Ending, Failure, Problem, Report
 from signorini_fx.tuned import ENCLOSED, SAME_LENGTH, SAME_NUMBER
 
 _FIELD = "time error"  # in a state: what ``Pairs`` has
 
 # Solves the step from a state to a place, which ends at a time.
-Solve = Callable[[State, float, float], tuple[State, Any]]
-Ended = tuple[State, Any, float, float]  # the end of a step, its report, its place and time
+Solve = Callable[[State, float, float], tuple[State, Ending]]
+Solved = tuple[State, Report, float, float]
+Ended = tuple[State, Ending, float, float]  # the end of a step, its report, its place and time
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Pairs:
         values = kept.values.ravel()
         return cls(float(values[0]), values[1:3], values[3:])
 
-    def after(self, whole: Ended, last: Ended, order: float, *, moves: bool) -> Pairs:
+    def after(self, whole: Ended, last: Solved, order: float, *, moves: bool) -> Pairs:
         """Return the pairs with another one, whose last step has an error of an order in time;
         ``moves``: tractions are none of them, as those of an impact jump; collective.
         """
@@ -82,7 +84,7 @@ def time_error(state: State) -> float | None:
 
 
 def time_steps(
-    problem: Any, state: State, reached: float, place: float, solve: Solve
+    problem: Problem, state: State, reached: float, place: float, solve: Solve
 ) -> Iterator[Ended]:
     """Solve the next time step on the way from a place that is reached with a state to another
     place, or the two of a pair whose error is allowed; collective.
@@ -129,8 +131,10 @@ def time_steps(
         if not moves and not _solved(last):
             yield last
             return
-        body = last[1].posed.body
-        shortest = [2 * effect.shortest(body) for effect in effects]
+        report = last[1]
+        shortest = [0.0]  # where a failure leaves no body to tell
+        if isinstance(report, Report):
+            shortest = [2 * effect.shortest(report.posed.body) for effect in effects]
         least = max([ENCLOSED * (end - state.time), *shortest])
         if _solved(last):
             after = pairs.after(whole, last, order, moves=moves)
@@ -149,14 +153,14 @@ def time_steps(
 
 
 def all_steps(
-    problem: Any, state: State, reached: float, place: float, solve: Solve
-) -> tuple[State, Any]:
+    problem: Problem, state: State, reached: float, place: float, solve: Solve
+) -> tuple[State, Ending]:
     """Solve all time steps on the way to a place; the end, or the first one without a solution;
     collective.
     """
     while True:
         for new, report, at, _ in time_steps(problem, state, reached, place, solve):
-            if report.status is not Status.CONVERGED:
+            if isinstance(report, Failure) or report.status is not Status.CONVERGED:
                 return new, report
             problem.accept(new, report)
             end = new, report, at
@@ -165,7 +169,7 @@ def all_steps(
             return state, report
 
 
-def _solved(ended: Ended) -> bool:
+def _solved(ended: Ended) -> TypeGuard[Solved]:
     return ended[1].status is Status.CONVERGED
 
 

@@ -4,7 +4,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import replace
-from types import FunctionType
+from types import FunctionType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,7 +45,8 @@ from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.increments import HalvedIncrements
-from signorini_fx.solving.step import _added_forces, begun, step
+from signorini_fx.solving.step import Failure, _added_forces, begun, step
+from signorini_fx.solving.time_steps import time_steps
 from signorini_fx.tuned import ENCLOSED
 
 # A bar of c = rho = E = 1 and length 1 that meets a wall: pressure 1 (in units of the velocity) for
@@ -778,6 +779,20 @@ def test_a_time_step_without_a_solution_is_halved():
     squeezed = of_law("saint-venant-kirchhoff", young=1.0)
     with pytest.raises(ConvergenceError, match=r"inside out: at .* a solution at time 0"):
         solve(changed(BAR, material=squeezed, initial_velocity=[{"y": -0.4}]))
+
+
+def test_a_pair_of_steps_without_a_solution_is_halved():
+    """Also of a nonlinear body, whose failure leaves no body to tell its shortest step."""
+    effect = SimpleNamespace(moves_bodies=True, order=2, next_time=lambda state, end: end)
+    problem = SimpleNamespace(path=LoadPath((0.0, 1.0), time_accuracy=0.1), effects=[effect])
+    first = State(1, 0.0, np.zeros(4), np.zeros(0), ())
+
+    def failing(state, place, time):
+        return state, Failure(StepRecord(2, "", time), Status.NOT_SOLVED, "")
+
+    ((_, report, _, time),) = time_steps(problem, first, 0.0, 1.0, failing)
+    assert report.status is Status.NOT_SOLVED
+    assert 0.5 < time / ENCLOSED <= 2.0
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
-from signorini_fx.solving.step import ended, step
+from signorini_fx.solving.step import Failure, ended, step
 from signorini_fx.solving.time_steps import all_steps
 
 
@@ -463,7 +463,7 @@ class NonlinearContactProblem(ProblemOfForms):
         reached, place = self._step_to(state, time)
         solver.begin_path()
         new, report = all_steps(solver, state, reached, place, partial(step, solver))
-        if report.result is None:
+        if isinstance(report, Failure):
             raise report.error or ConvergenceError(self, report.why)
         if report.status is Status.CONVERGED:
             solver.start(new)

@@ -42,7 +42,7 @@ from signorini_fx.solving.frames import solution_of
 from signorini_fx.solving.increments import FINAL, HalvedIncrements
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
-from signorini_fx.solving.step import refuse_no_duration
+from signorini_fx.solving.step import Failure, Report, refuse_no_duration
 
 # What is said of linear bodies alone.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
@@ -402,8 +402,9 @@ class EquilibriumSolver:
         status = Status.CONVERGED if certificate.holds else Status.NOT_CERTIFIED
         return Verdict(status, "", certificate, mechanics)
 
-    def accept(self, new: State, report: Any) -> None:
+    def accept(self, new: State, report: Report) -> None:
         """The next step begins from this end of the last one."""
+        assert isinstance(report, SolvedBody)
         self.solved = report
         self.reached = new
 
@@ -547,7 +548,7 @@ class EquilibriumSolver:
         self.begin_path()
         first = way.reached
         for new, ended in run(self, state, way, stored=stored):
-            if ended.status is Status.CONVERGED:
+            if isinstance(ended, SolvedBody) and ended.status is Status.CONVERGED:
                 self.ends.append(ended.end)
                 on_step(ended.result)
             self.start(new)
@@ -567,24 +568,3 @@ class EquilibriumSolver:
         if status is Status.LIMIT:
             failure = f"{status.value}: {last}; a step to {end} ends with: {self.failure}"
         return failure, self.advice(status)
-
-
-@dataclass(frozen=True)
-class Failure:
-    """How a load step of a nonlinear body has ended that has nothing to show.
-
-    Attributes:
-        record: the step in words.
-        status: None: by an error.
-        why: there is no solution, in words.
-        error: by which it has ended.
-    """
-
-    record: StepRecord
-    status: Status | None
-    why: str
-    error: FormError | None = None
-    result = None
-
-    def __str__(self) -> str:
-        return f"{self.record}: {self.why}"
