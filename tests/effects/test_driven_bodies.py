@@ -125,21 +125,22 @@ def prescribed(tool):
     return {"prescribed": dict(zip(names, map(float, values), strict=True))}
 
 
+def largest_difference(pairs):
+    """The largest one over the ranks, of each pair relative to the largest of its second values."""
+    found = []
+    for pair in pairs:
+        one, other = map(np.asarray, pair)
+        sizes = [np.abs(values).max(initial=0.0) for values in (one - other, other)]
+        difference, size = (COMM.allreduce(float(value), op=MPI.MAX) for value in sizes)
+        found.append(difference / (size or 1.0))
+    return max(found)
+
+
 def apart(one, other):
     """The largest difference of two solutions, relative to the largest displacement or pressure."""
-    found = []
-    for a, b in (
-        (one.displacement.x.array, other.displacement.x.array),
-        *(
-            (getattr(one.contact, name), getattr(other.contact, name))
-            for name in ("pressure", "shear", "u_n", "u_t")
-        ),
-    ):
-        scale = COMM.allreduce(float(np.abs(a).max(initial=0.0)), op=MPI.MAX)
-        found.append(
-            COMM.allreduce(float(np.abs(a - b).max(initial=0.0)), op=MPI.MAX) / (scale or 1.0)
-        )
-    return max(found)
+    names = ("pressure", "shear", "u_n", "u_t")
+    pairs = [(getattr(other.contact, name), getattr(one.contact, name)) for name in names]
+    return largest_difference([(other.displacement.x.array, one.displacement.x.array), *pairs])
 
 
 WAYS = [
@@ -472,23 +473,12 @@ def differ(problem, result):
     """The largest difference to a load step of a scene, relative to the largest displacement,
     pressure or motion.
     """
-    (tool,), (other,) = problem.rigid_bodies, result.rigid_bodies
-    pairs = [
-        (problem.u.x.array, result.displacement.x.array),
-        *(
-            (getattr(problem.state, name), getattr(result.contact, name))
-            for name in ("pressure", "shear")
-        ),
-        (np.append(tool.translation, tool.rotation), np.append(other.translation, other.rotation)),
+    motions = [
+        np.append(t.translation, t.rotation) for (t,) in (problem.rigid_bodies, result.rigid_bodies)
     ]
-    found = []
-    for one, another in pairs:
-        size = COMM.allreduce(float(np.abs(another).max(initial=0.0)), op=MPI.MAX)
-        found.append(
-            COMM.allreduce(float(np.abs(one - another).max(initial=0.0)), op=MPI.MAX)
-            / (size or 1.0)
-        )
-    return max(found)
+    names = ("pressure", "shear")
+    pairs = [(getattr(problem.state, name), getattr(result.contact, name)) for name in names]
+    return largest_difference([(problem.u.x.array, result.displacement.x.array), *pairs, motions])
 
 
 def tilting(dimension, law):

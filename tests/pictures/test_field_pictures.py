@@ -8,8 +8,8 @@ from dolfinx import mesh as dmesh
 from matplotlib.collections import TriMesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose
-from scene_tables import fixed, rectangle_mesh
-from scenes import alone, example1, on_mesh, rectangle
+from scene_tables import fixed
+from scenes import alone, example1, rectangle
 from scipy.spatial import cKDTree
 from spaces import block, box
 
@@ -144,32 +144,36 @@ def test_vertices_have_the_recovered_values(scene):
     assert_allclose(found.values["displacement"], size[found.within], rtol=1e-9, atol=1e-15)
 
 
-def two_layers():
-    """A strip of two materials, drawn out by the same amount everywhere: the stress is E times the
-    strain in each.
+def layered(tagged):
+    """The scene of two materials above each other on a mesh, drawn out by the same amount
+    everywhere: the stress is E times the strain in each.
     """
-    tagged = rectangle(nx=6, ny=4)
     mesh = tagged.mesh
-    cells = np.arange(24, dtype=np.int32)
-    above = dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > 0.5
-    tags = dmesh.meshtags(mesh, 2, cells, np.where(above, 2, 1).astype(np.int32))
-    scene = parse_scene(
+    dim = mesh.topology.dim
+    cells = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
+    above = dmesh.compute_midpoints(mesh, dim, cells)[:, dim - 1] > 0.5
+    tags = dmesh.meshtags(mesh, dim, cells, np.where(above, 2, 1).astype(np.int32))
+    more = {"hypothesis": "plane stress"} if dim == 2 else {}
+    return parse_scene(
         {
-            "mesh": rectangle_mesh(6, 4),
+            "mesh": replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2}),
             "material": [
-                {"region": name, "young": young, "poisson": 0.0, "hypothesis": "plane stress"}
+                {"region": name, "young": young, "poisson": 0.0, **more}
                 for name, young in (("below", 1000.0), ("above", 10.0))
             ],
             "displacement": [
                 fixed("left", "x"),
                 {"boundary": "right", "x": 0.03},
-                fixed("bottom", "y"),
+                fixed("bottom", "xyz"[dim - 1]),
+                *([fixed("front", "y")] if dim == 3 else []),
             ],
         }
     )
-    return solve(
-        on_mesh(scene, replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2})), mesh.comm
-    )
+
+
+def two_layers():
+    """A solved strip of two materials."""
+    return alone(layered(rectangle(nx=6, ny=4)))
 
 
 def test_a_jump_between_materials_is_not_smeared(tmp_path):
@@ -185,27 +189,7 @@ def test_a_jump_between_materials_is_not_smeared(tmp_path):
 
 def test_a_jump_between_materials_in_space():
     """On the outer surface too, where facets of both materials share points."""
-    tagged = box("hexahedra", (3, 2, 2))
-    mesh = tagged.mesh
-    cells = np.arange(12, dtype=np.int32)
-    above = dmesh.compute_midpoints(mesh, 3, cells)[:, 2] > 0.5
-    tags = dmesh.meshtags(mesh, 3, cells, np.where(above, 2, 1).astype(np.int32))
-    scene = parse_scene(
-        {
-            "mesh": replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2}),
-            "material": [
-                {"region": name, "young": young, "poisson": 0.0}
-                for name, young in (("below", 1000.0), ("above", 10.0))
-            ],
-            "displacement": [
-                fixed("left", "x"),
-                {"boundary": "right", "x": 0.03},
-                fixed("bottom", "z"),
-                fixed("front", "y"),
-            ],
-        }
-    )
-    surface = gather_body(alone(scene), ("von_mises",))
+    surface = gather_body(alone(layered(box("hexahedra", (3, 2, 2)))), ("von_mises",))
     assert (
         np.ptp(np.bincount(surface.perimeters.ravel())[np.unique(surface.perimeters)]) > 0
     )  # points are shared

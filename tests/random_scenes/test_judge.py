@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scene_tables import coulomb_friction, fixed, tresca_friction
+from turned_scenes import block
 
 from benchmarks.stability.oracle import __main__ as command
 from benchmarks.stability.oracle import convex
@@ -379,34 +380,41 @@ def test_a_solution_refutes_that_coulomb_friction_slides():
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
 def test_a_constant_stress_is_in_balance(cell, degree):
-    """The patch test of the oracle's elements: distorted, turned cells, forces of constant
-    tractions.
+    """The patch test of the oracle's elements: distorted, turned cells under the tractions of a
+    constant stress, and under contact pressure.
     """
-    mesh = body(3, 2, cell, turn=0.7, inner=0.04)
+    plane = cell in ("triangle", "quadrilateral")
+    mesh = body(3, 2, cell, turn=0.7, inner=0.04) if plane else block(cell, inner=0.04)[0]
     mesh = replace(mesh, regions={})
-    sides = {name: {"boundary": name} for name in mesh.boundaries}
     young, poisson = 10.0, 0.3
-    strain = np.array([[1e-3, 4e-4], [4e-4, -2e-3]])
+    strain = 1e-3 * np.array([[1.0, 0.4, -0.3], [0.4, -2.0, 0.5], [-0.3, 0.5, 0.7]])
+    if plane:
+        strain = strain[:2, :2]
     first, second = young * poisson / (1 + poisson) / (1 - 2 * poisson), young / 2 / (1 + poisson)
-    stress = first * np.trace(strain) * np.eye(2) + 2 * second * strain
+    stress = first * np.trace(strain) * np.eye(len(strain)) + 2 * second * strain
+    probe = Body({"material": {"young": 1.0, "poisson": 0.0}}, mesh)
     loads = []
-    for name in sides:
-        probe = Body({"material": {"young": 1.0, "poisson": 0.0}}, mesh)
+    for name in mesh.boundaries:
         normal = probe.middle_frames(probe.facets(name))[0]
-        unit = normal / np.linalg.norm(normal)
-        loads.append({"boundary": name, "x": float(stress[0] @ unit), "y": float(stress[1] @ unit)})
-    patch = Body(
-        {
-            "element": {"degree": degree},
-            "material": {"young": young, "poisson": poisson},
-            "traction": loads,
-        },
-        mesh,
-    )
+        traction = map(float, stress @ normal / np.linalg.norm(normal))
+        loads.append(dict(zip("xyz", traction, strict=False)) | {"boundary": name})
+    given = {
+        "element": {"degree": degree},
+        "material": {"young": young, "poisson": poisson},
+        "traction": loads,
+        "contact": [{"boundary": "bottom"}],
+    }
+    patch = Body(given, mesh)
     forces = patch.stiffness @ (patch.x @ strain).ravel()
     np.testing.assert_allclose(forces, patch.load(0), atol=1e-15)
+    # A contact pressure of 1 is a pressure of 1.
+    contact = contact_of(patch)
+    pressed = Body(given | {"traction": [{"boundary": "bottom", "pressure": 1.0}]}, mesh)
+    pushed = contact.forces(np.ones(len(contact.weight)), 0 * contact.normal)
+    np.testing.assert_allclose(-pushed, pressed.load(0), atol=1e-15)
+    assert contact.weight.sum() == pytest.approx(2.0 if plane else 1.5)
 
 
 def test_one_triangle_with_three_solutions():

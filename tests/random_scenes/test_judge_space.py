@@ -36,43 +36,6 @@ needs_cvxopt = pytest.mark.skipif(
 # ---- the oracle's own elements
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_a_constant_stress_is_in_balance(cell, degree):
-    """The patch test: distorted, turned cells under the tractions of a constant stress, and under
-    contact pressure.
-    """
-    mesh, _ = block(cell, inner=0.04)
-    mesh = replace(mesh, regions={})
-    young, poisson = 10.0, 0.3
-    strain = 1e-3 * np.array([[1.0, 0.4, -0.3], [0.4, -2.0, 0.5], [-0.3, 0.5, 0.7]])
-    first, second = young * poisson / (1 + poisson) / (1 - 2 * poisson), young / 2 / (1 + poisson)
-    stress = first * np.trace(strain) * np.eye(3) + 2 * second * strain
-    probe = Body({"material": {"young": 1.0, "poisson": 0.0}}, mesh)
-    loads = []
-    for name in mesh.boundaries:
-        normal = probe.middle_frames(probe.facets(name))[0]
-        unit = normal / np.linalg.norm(normal)
-        loads.append(dict(zip("xyz", map(float, stress @ unit), strict=True)) | {"boundary": name})
-    given = {
-        "element": {"degree": degree},
-        "material": {"young": young, "poisson": poisson},
-        "traction": loads,
-        "contact": [{"boundary": "bottom"}],
-    }
-    patch = Body(given, mesh)
-    forces = patch.stiffness @ (patch.x @ strain).ravel()
-    np.testing.assert_allclose(forces, patch.load(0), atol=1e-15)
-    # A contact pressure of 1 is a pressure of 1.
-    contact = contact_of(patch)
-    pressed = Body(given | {"traction": [{"boundary": "bottom", "pressure": 1.0}]}, mesh)
-    ones = np.ones(len(contact.weight))
-    np.testing.assert_allclose(
-        -contact.forces(ones, 0 * contact.normal), pressed.load(0), atol=1e-15
-    )
-    assert contact.weight.sum() == pytest.approx(1.5)
-
-
 # ---- what is wrong is noticed
 
 

@@ -10,7 +10,15 @@ from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
 from parameters import slow
 from scenes import alone
-from step_effects import Counted, ErodedContact, ErodedContacts, ErodedFoundation, Erosion, Wear
+from step_effects import (
+    Counted,
+    ErodedContact,
+    ErodedContacts,
+    ErodedFoundation,
+    Erosion,
+    Wear,
+    solve_on,
+)
 from test_restart import CASES, METHODS, MOVING, PUSHED, Killed, scene, until
 
 from signorini_fx import (
@@ -304,29 +312,8 @@ def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
 
 @pytest.mark.mpi
 def test_a_solve_goes_on_from_a_state():
-    """The steps after a state are those of one run, on one rank bit by bit.
-
-    On several ranks MUMPS adds what ranks send each other in the order in which it arrives: of 60
-    equal solves of one matrix with one right side 2 to 6 solutions differ in their last digits.
-    """
-    given = scene(PUSHED)
-    whole = solve(given, effects=[Counted()])
-    problem = build_problem(given, effects=[Counted()])
-    state = problem.initial()
-    for time in (1.0, 2.0, 3.0):
-        state, result = problem.step(state, time)
-        assert result.status.value == "converged"
-    rest = solve(given, state=state, effects=[Counted()])
-    assert [step.step for step in rest.steps] == [4, 5, 6]
-    assert rest.state.number == whole.state.number == 6
-    for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
-        u, expected = (one.displacement.x.array for one in (ours, theirs))
-        digits = 0.0 if MPI.COMM_WORLD.size == 1 else 1e-13
-        assert u == pytest.approx(expected, rel=0.0, abs=digits * np.abs(expected).max())
-        assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
-    for name, field in whole.state.fields.items():
-        assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
-    assert whole.state.fields["steps"].values == [6.0]
+    """The steps after a state are those of one run."""
+    solve_on(scene(PUSHED), 3)
 
 
 @pytest.mark.mpi(slow=True)

@@ -6,6 +6,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from on_meshes import vector_space
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from signorini_fx import Foundation, NonlinearContactProblem
@@ -100,3 +101,27 @@ def stress_of_block(height, directions=1):
 
     free = brentq(lambda width: MU * (width**2 - 1) + LAME * volume(width), 0.5, 3.0)
     return (MU * (height**2 - 1) + LAME * volume(free)) / height
+
+
+def inside_of_tube(inner, outer, pressure=0.0, inertia=0.0):
+    """The radius of the inside of a neo-Hookean tube in plane strain under a pressure there, whose
+    density times the squared speed of rotation is ``inertia``, by radial equilibrium
+    d P_R / dR + (P_R - P_Theta) / R + inertia r = 0.
+
+    P_R = mu (a - 1 / a) + Lambda ln J / a, P_Theta likewise with the stretches a = dr / dR and
+    b = r / R, J = a b.
+    """
+
+    def nominal(a, b):
+        return MU * (a - 1 / a) + LAME * np.log(a * b) / a
+
+    def slope(R, y):
+        r, radial = y
+        a = brentq(lambda a: nominal(a, r / R) - radial, 0.05, 5.0, xtol=1e-15)
+        return [a, (nominal(r / R, a) - radial) / R - inertia * r]
+
+    def outside(r):
+        begin = [r, -pressure * r / inner]
+        return solve_ivp(slope, (inner, outer), begin, rtol=1e-11, atol=1e-12).y[1, -1]
+
+    return brentq(outside, inner * (1.0001 if pressure else 1.0), inner * 2.5, xtol=1e-13)

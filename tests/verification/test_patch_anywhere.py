@@ -13,6 +13,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import turn_by
 from scene_tables import coulomb_friction, fixed, tresca_friction
 from scenes import alone
 
@@ -31,11 +32,6 @@ NORMALS = {
     "top": (0.0, 1.0),
     **{name: (-1.0 if "left" in name else 1.0, 0.0) for name in SIDES},
 }
-
-
-def rotation(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
 
 
 def patch_mesh(cell, angle, kind="distorted", interface=None):
@@ -89,7 +85,7 @@ def patch_mesh(cell, angle, kind="distorted", interface=None):
     moves[np.isclose(x[:, 0, None], [0.0, LENGTH]).any(axis=1), 0] = 0.0
     lines = [0.0, HEIGHT] if interface is None else [0.0, HEIGHT, interface]
     moves[np.isclose(x[:, 1, None], lines).any(axis=1), 1] = 0.0
-    x[:, :2] = (x[:, :2] + moves) @ rotation(angle).T
+    x[:, :2] = (x[:, :2] + moves) @ turn_by(angle).T
     return tagged
 
 
@@ -119,13 +115,13 @@ class State:
 
     def displacement(self, angle):
         """At points of the turned body, shape (3, n) to (2, n)."""
-        turn = rotation(angle)
+        turn = turn_by(angle)
         return lambda x: turn @ (self.gradient @ (turn.T @ x[:2]) + np.array(self.corner)[:, None])
 
     def tractions(self, angle, *names):
         """What acts on the named sides, in the turned body."""
         stress = np.array([[self.xx, self.xy], [self.xy, self.yy]])
-        loads = {name: rotation(angle) @ stress @ NORMALS[name] for name in names}
+        loads = {name: turn_by(angle) @ stress @ NORMALS[name] for name in names}
         return [{"boundary": name, "x": float(x), "y": float(y)} for name, (x, y) in loads.items()]
 
     def prescribed(self, angle, name):
@@ -181,6 +177,14 @@ def assert_contact(solution, pressure, shear=0.0, state="stick", part=0, toleran
     assert set(columns["friction"][here]) == {state}
 
 
+def assert_state(state, angle, tagged, degree, pressure, *contact, algorithm="alm", **scene):
+    """The solution of a scene has this displacement, pressure, shear and state."""
+    solution = run(tagged, degree, algorithm, **scene)
+    assert_displacement(solution, state.displacement(angle))
+    assert_contact(solution, pressure, *contact)
+    return solution
+
+
 def yielding(algorithm):
     """(1 / gamma_1, 1 / gamma_2): how far the foundation gives way under a unit stress."""
     return (1 / GAMMA, 0.5 / GAMMA) if algorithm == "ssn" else (0.0, 0.0)
@@ -213,15 +217,12 @@ def test_pressed_with_free_sides(cell, degree, algorithm, angle, kind):
     """
     give, _ = yielding(algorithm)
     state = State(yy=-PRESSURE, corner=(0.0, -GAP - give * PRESSURE))
-    solution = run(
-        patch_mesh(cell, angle, kind),
-        degree,
-        algorithm,
+    solution = assert_state(
+        *(state, angle, patch_mesh(cell, angle, kind), degree, PRESSURE, 0.0, "none"),
+        algorithm=algorithm,
         traction={"boundary": "top", "pressure": PRESSURE},
         contact=[bottom(), *symmetry("left")],
     )
-    assert_displacement(solution, state.displacement(angle))
-    assert_contact(solution, PRESSURE, state="none")
     assert_contact(solution, 0.0, state="none", part=1)
 
 
@@ -234,15 +235,12 @@ def test_pressed_with_fixed_sides(cell, degree, algorithm, angle, kind):
     give, _ = yielding(algorithm)
     side = POISSON * (1 + POISSON) * PRESSURE / (1 - POISSON**2 + 2 * give * YOUNG / LENGTH)
     state = State(xx=-side, yy=-PRESSURE, corner=(-give * side, -GAP - give * PRESSURE))
-    solution = run(
-        patch_mesh(cell, angle, kind),
-        degree,
-        algorithm,
+    solution = assert_state(
+        *(state, angle, patch_mesh(cell, angle, kind), degree, PRESSURE, 0.0, "none"),
+        algorithm=algorithm,
         traction=state.tractions(angle, "top", "left foot", "right foot"),
         contact=[bottom(), *symmetry("left", "right")],
     )
-    assert_displacement(solution, state.displacement(angle))
-    assert_contact(solution, PRESSURE, state="none")
     for part in (1, 2):
         assert_contact(solution, side, state="none", part=part)
 
@@ -268,15 +266,12 @@ def test_full_stick(cell, degree, algorithm, angle, kind, friction, sign):
     give, give_way = yielding(algorithm)
     shear = 0.9 * sign * SHEAR
     state = State(**CONFINED, xy=shear, corner=(give_way * shear, -GAP - give * PRESSURE))
-    solution = run(
-        patch_mesh(cell, angle, kind),
-        degree,
-        algorithm,
+    assert_state(
+        *(state, angle, patch_mesh(cell, angle, kind), degree, PRESSURE, shear),
+        algorithm=algorithm,
         traction=state.tractions(angle, "top", *SIDES),
         contact=bottom(**friction),
     )
-    assert_displacement(solution, state.displacement(angle))
-    assert_contact(solution, PRESSURE, shear)
 
 
 def sliding(sign, algorithm, shear=SHEAR):
@@ -301,10 +296,10 @@ def slide(state, angle, **contact):
 def test_full_slip(cell, degree, algorithm, angle, kind, friction, sign):
     """(d) The top moved so far that everything slips: mu = F p against the motion."""
     state = sliding(sign, algorithm)
+    contact = (PRESSURE, sign * SHEAR, "slip+" if sign > 0 else "slip-")
+    scene = slide(state, angle, friction=friction)
     tagged = patch_mesh(cell, angle, kind)
-    solution = run(tagged, degree, algorithm, **slide(state, angle, friction=friction))
-    assert_displacement(solution, state.displacement(angle))
-    assert_contact(solution, PRESSURE, sign * SHEAR, "slip+" if sign > 0 else "slip-")
+    assert_state(state, angle, tagged, degree, *contact, algorithm=algorithm, **scene)
 
 
 # What an update leaves of the error here, 0.56 to 0.82, depends on the distorted mesh, which
@@ -333,12 +328,10 @@ def test_cap(algorithm, cap):
     """The shear of a Coulomb contact ends at its cap where that is below F p, and only there."""
     shear = SHEAR * min(cap, 1.0)
     state = sliding(-1, algorithm, shear)
+    scene = slide(state, 0.7, friction=COULOMB | {"cap": cap * SHEAR})
+    contact = (PRESSURE, -shear, "slip-")
     tagged = patch_mesh("quadrilateral", 0.7)
-    solution = run(
-        tagged, 1, algorithm, **slide(state, 0.7, friction=COULOMB | {"cap": cap * SHEAR})
-    )
-    assert_displacement(solution, state.displacement(0.7))
-    assert_contact(solution, PRESSURE, -shear, "slip-")
+    assert_state(state, 0.7, tagged, 1, *contact, algorithm=algorithm, **scene)
 
 
 @pytest.mark.one_quick
@@ -349,11 +342,11 @@ def test_pulled(cell, degree, algorithm, angle):
     """Bilateral contact holds what pulls at it: lambda = -p, and friction acts with |lambda|."""
     give, _ = yielding(algorithm)
     state = State(-CONFINED["xx"], PRESSURE, SHEAR, corner=(0.01, -GAP + give * PRESSURE))
-    solution = run(
-        patch_mesh(cell, angle), degree, algorithm, **slide(state, angle, kind="bilateral")
+    solution = assert_state(
+        *(state, angle, patch_mesh(cell, angle), degree, -PRESSURE, SHEAR, "slip+"),
+        algorithm=algorithm,
+        **slide(state, angle, kind="bilateral"),
     )
-    assert_displacement(solution, state.displacement(angle))
-    assert_contact(solution, -PRESSURE, SHEAR, "slip+")
     assert solution.certificate.holds
 
 
@@ -369,7 +362,7 @@ def test_two_foundations(cell, degree, angle):
         xx=-side, yy=-PRESSURE, xy=SHEAR, corner=(0.02 + give * side, -GAP - give * PRESSURE)
     )
     end = 0.02 + state.gradient[0, 0] * LENGTH
-    turn = rotation(angle)
+    turn = turn_by(angle)
 
     def wall(x):
         """The wall stands where the deformed side presses with ``side``."""
@@ -416,7 +409,7 @@ def test_layers(cell, degree, algorithm, angle):
     at an angle.
     """
     give, _ = yielding(algorithm)
-    turn = rotation(angle)
+    turn = turn_by(angle)
     scene = {"traction": [{"boundary": "top", "pressure": PRESSURE}], "contact": [bottom()]}
     if angle == 0.0:
         scene["displacement"] = [fixed(name, "x") for name in SIDES]
@@ -444,24 +437,19 @@ def test_layers(cell, degree, algorithm, angle):
 def test_reduced_volumetric_term(cell, degree, angle):
     """Reduced integration keeps constant states."""
     state = sliding(1, "alm")
-    tagged = patch_mesh(cell, angle)
-    solution = run(tagged, degree, element={"volumetric": "reduced"}, **slide(state, angle))
-    assert_displacement(solution, state.displacement(angle))
-    assert_contact(solution, PRESSURE, SHEAR, "slip+")
+    scene = slide(state, angle) | {"element": {"volumetric": "reduced"}}
+    assert_state(state, angle, patch_mesh(cell, angle), degree, PRESSURE, SHEAR, "slip+", **scene)
 
 
 def test_plane_stress():
     """The other hypothesis: u_y = -p y / E."""
     state = State(yy=-PRESSURE, corner=(0.0, -GAP), hypothesis="plane stress")
-    solution = run(
-        patch_mesh("quadrilateral", 0.7),
-        1,
+    assert_state(
+        *(state, 0.7, patch_mesh("quadrilateral", 0.7), 1, PRESSURE, 0.0, "none"),
         material={"hypothesis": "plane stress"},
         traction=state.tractions(0.7, "top"),
         contact=[bottom(), *symmetry("left")],
     )
-    assert_displacement(solution, state.displacement(0.7))
-    assert_contact(solution, PRESSURE, state="none")
 
 
 @each_element
