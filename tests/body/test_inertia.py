@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tomllib
 from dataclasses import replace
 from types import FunctionType, SimpleNamespace
 
@@ -16,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from on_meshes import trial_and_test, vector_space
 from parameters import slow
 from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
-from scenes import alone
+from scenes import alone, changed
 
 from signorini_fx import (
     ContactProblem,
@@ -43,7 +42,6 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.increments import HalvedIncrements
 from signorini_fx.solving.step import Failure, _added_forces, begun, step
 from signorini_fx.solving.time_steps import time_steps
@@ -81,12 +79,6 @@ def of_law(law, **entries):
     """Keys of a material; of a linear one none says so."""
     named = {} if law == "linear" else {"law": law}
     return {"young": 1e5, "poisson": 0.3, "density": 1.0, **named, **entries}
-
-
-def changed(text, **entries):
-    """A scene with other entries, None: without them."""
-    tables = {**tomllib.loads(text), **entries}
-    return parse_scene({key: entry for key, entry in tables.items() if entry is not None})
 
 
 def told(solution):

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from numpy.testing import assert_allclose
 from parameters import slow
 from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
+from scenes import changed
 
 from signorini_fx import (
     Archard,
@@ -40,7 +41,6 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.records import Status
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene
 
 # A block that is pressed on a floor, which slides below it.
 BLOCK = """
@@ -71,12 +71,6 @@ TWO = {
         "wear": {"coefficient": 1e-6, "distance": "3e3*t"},
     },
 }
-
-
-def changed(text, **entries):
-    """A scene with other entries, None: without them."""
-    tables = {**tomllib.loads(text), **entries}
-    return parse_scene({key: entry for key, entry in tables.items() if entry is not None})
 
 
 @pytest.mark.mpi

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from numpy.testing import assert_allclose
 from on_meshes import tensors
 from scenes import alone, rectangle
-from spaces import box, tagged_ends
+from spaces import box, moved_inside, tagged_ends
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scenes.reading import parse_scene
@@ -39,11 +39,7 @@ def halves(cell, comm=MPI.COMM_WORLD):
     cells = mesh.topology.index_map(mesh.topology.dim)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     middle = dmesh.compute_midpoints(mesh, mesh.topology.dim, every)[:, 0]
-    x = mesh.geometry.x
-    bump = np.prod(
-        [np.sin((1 + (k == 0)) * np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0
-    )
-    x[:, 0] += 0.15 * bump  # nothing in the middle
+    moved_inside(mesh, size, 0.15, twice=0)  # nothing in the middle
     tags = dmesh.meshtags(mesh, mesh.topology.dim, every, (1 + (middle > HALF)).astype(np.int32))
     return replace(tagged, cell_tags=tags, regions={"left": 1, "right": 2})
 

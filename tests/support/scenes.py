@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import tomllib
 
 import numpy as np
 from mpi4py import MPI
@@ -125,6 +126,12 @@ def one_triangle(coefficient, force, **solver):
             "solver": solver,
         }
     )
+
+
+def changed(text, **entries):
+    """The scene of a text with other entries, None: without them."""
+    tables = {**tomllib.loads(text), **entries}
+    return parse_scene({key: entry for key, entry in tables.items() if entry is not None})
 
 
 def on_mesh(scene, tagged):

@@ -147,15 +147,33 @@ def turn_of(angle, dim):
     return Rotation.from_rotvec(angle * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)).as_matrix()
 
 
+def on_each_other(kind, *bodies, below=None, axis=1, **settings):
+    """A body up to the height 1, driven there, on one from -1, which is held; they touch at the
+    height 0, or the upper one where ``below`` is.
+    """
+    level, bottom, top = (at_coordinate(axis, at, atol=1e-12) for at in (0.0, -1.0, 1.0))
+    return SlidingBodies(kind, bodies, [level, below or level], [bottom, top], **settings)
+
+
+def half_ring(middle, radius, inner, share=1.0):
+    """Places of a half ring below its middle, or a share of it from its lowest point on, from
+    points of the unit square.
+    """
+
+    def ring(x):
+        angle, r = np.pi * share * (x[:, 0] - 1), radius * (inner + (1 - inner) * x[:, 1])
+        return middle + np.column_stack((r * np.cos(angle), r * np.sin(angle)))
+
+    def outer(x):
+        return np.isclose(np.linalg.norm(x - np.array(middle)[:, None], axis=0), radius)
+
+    return ring, outer
+
+
 def blocks(kind="quadrilateral", lower=(12, 3), upper=(5, 4), width=2.0, **settings):
     """The unit square above y = 0, driven at its top, on a block of this width and the height 1."""
-    low = [(1 - width) / 2, -1.0]
-    bodies = (
-        grid(kind, lower, low, [(1 + width) / 2, 0.0]),
-        grid(kind, upper, [0.0, 0.0], [1.0, 1.0]),
-    )
-    level = [at_coordinate(1, y) for y in (0.0, -1.0, 1.0)]
-    return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
+    low = grid(kind, lower, [(1 - width) / 2, -1.0], [(1 + width) / 2, 0.0])
+    return on_each_other(kind, low, grid(kind, upper, [0.0, 0.0], [1.0, 1.0]), **settings)
 
 
 def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **settings):
@@ -166,37 +184,24 @@ def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **sett
     def bent(x):
         return np.column_stack((x[:, 0], x[:, 1] + height * (1 - x[:, 1]) * (2 * x[:, 0] - 1) ** 2))
 
-    bodies = (
-        grid(kind, lower, [-0.5, -1.0], [1.5, 0.0]),
-        grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent),
-    )
-    level = [at_coordinate(1, y) for y in (0.0, -1.0, 1.0)]
-
     def below(x):
         return np.isclose(x[1], height * (2 * x[0] - 1) ** 2, atol=1e-12)
 
-    return SlidingBodies(kind, bodies, [level[0], below], level[1:], **settings)
+    low = grid(kind, lower, [-0.5, -1.0], [1.5, 0.0])
+    high = grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent)
+    return on_each_other(kind, low, high, below=below, **settings)
 
 
 def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, **settings):
     """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends."""
-
-    def ring(x):
-        angle, r = np.pi * (x[:, 0] - 1), radius * (0.3 + 0.7 * x[:, 1])
-        return np.column_stack((1.5 + r * np.cos(angle), 1 + gap + radius + r * np.sin(angle)))
-
+    middle = (1.5, 1 + gap + radius)
+    ring, outer = half_ring(middle, radius, 0.3)
     bodies = (
         grid(kind, cells, [0.0, 0.0], [4.0, 1.0]),
         grid(kind, (around, max(2, around // 4)), [0.0, 0.0], [1.0, 1.0], ring),
     )
-    middle = np.array([1.5, 1 + gap + radius])
-
-    def outer(x):
-        return np.isclose(np.linalg.norm(x - middle[:, None], axis=0), radius)
-
-    touching = [at_coordinate(1, 1.0), outer]
     held = [at_coordinate(1, 0.0), at_coordinate(1, middle[1])]
-    return SlidingBodies(kind, bodies, touching, held, **settings)
+    return SlidingBodies(kind, bodies, [at_coordinate(1, 1.0), outer], held, **settings)
 
 
 def wheel(kind="quadrilateral", cells=(12, 6), around=8, radius=0.5, **settings):
@@ -204,44 +209,24 @@ def wheel(kind="quadrilateral", cells=(12, 6), around=8, radius=0.5, **settings)
     driven at its ends;
     ``half``: where x > 0 alone.
     """
-    half = settings.get("half", False)
-    parts, first = (1, 0.5) if half else (2, 1.0)
-
-    def ring(x):
-        angle, r = np.pi * first * (x[:, 0] - 1), radius * (0.3 + 0.7 * x[:, 1])
-        return np.column_stack((r * np.cos(angle), radius + r * np.sin(angle)))
-
+    parts, share = (1, 0.5) if settings.get("half", False) else (2, 1.0)
+    ring, outer = half_ring((0.0, radius), radius, 0.3, share)
     bodies = (
         grid(kind, (parts * cells[0], cells[1]), [1.0 - parts, -1.0], [1.0, 0.0]),
         grid(kind, (parts * around, 4), [0.0, 0.0], [1.0, 1.0], ring),
     )
-
-    def outer(x):
-        return np.isclose(np.hypot(x[0], x[1] - radius), radius)
-
-    touching = [at_coordinate(1, 0.0), outer]
     held = [at_coordinate(1, -1.0), at_coordinate(1, radius)]
-    return SlidingBodies(kind, bodies, touching, held, **settings)
+    return SlidingBodies(kind, bodies, [at_coordinate(1, 0.0), outer], held, **settings)
 
 
 def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **settings):
     """Two cylinders of the radius and the height 1 on each other, or tubes, held and driven at
     smooth ends.
     """
-    bodies = (
-        grid(kind, lower, [inner, -1.0], [1.0, 0.0]),
-        grid(kind, upper, [inner, 0.0], [1.0, 1.0]),
-    )
-    level = [at_coordinate(1, y) for y in (0.0, -1.0, 1.0)]
-    return SlidingBodies(
-        kind,
-        bodies,
-        [level[0]] * 2,
-        level[1:],
-        smooth=at_coordinate(0, 0.0),
-        revolved=True,
-        **settings,
-    )
+    low = grid(kind, lower, [inner, -1.0], [1.0, 0.0])
+    high = grid(kind, upper, [inner, 0.0], [1.0, 1.0])
+    smooth = {"smooth": at_coordinate(0, 0.0)}
+    return on_each_other(kind, low, high, revolved=True, **smooth, **settings)
 
 
 def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), **settings):
@@ -255,18 +240,12 @@ def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), **sett
     def below(x):
         return np.column_stack((1.5 * x[:, 0], x[:, 1]))
 
-    bodies = (
-        grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below),
-        grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent),
-    )
-    level = [at_coordinate(1, y, atol=1e-12) for y in (0.0, -1.0, 1.0)]
-
     def rounded(x):
         return np.isclose(x[1], height * x[0] ** 2, atol=1e-12) & (x[0] <= 1.0)
 
-    return SlidingBodies(
-        kind, bodies, [level[0], rounded], level[1:], half=True, revolved=True, **settings
-    )
+    low = grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below)
+    high = grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent)
+    return on_each_other(kind, low, high, below=rounded, half=True, revolved=True, **settings)
 
 
 def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, **settings):
@@ -279,18 +258,12 @@ def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, **set
     def shell(x):
         return np.column_stack((x[:, 0], -x[:, 0] - x[:, 1]))
 
-    def ring(x):
-        angle, r = np.pi * (x[:, 0] - 1), size * (0.4 + 0.6 * x[:, 1])
-        return middle + np.column_stack((r * np.cos(angle), r * np.sin(angle)))
-
+    ring, outer = half_ring(middle, size, 0.4)
     bodies = (
         grid(kind, cells, [0.5, 0.0], [2.0, 0.5], shell),
         grid(kind, (around, max(2, around // 6)), [0.0, 0.0], [1.0, 1.0], ring),
     )
-    touching = [
-        lambda x: np.isclose(x[1], -x[0]),
-        lambda x: np.isclose(np.linalg.norm(x - middle[:, None], axis=0), size),
-    ]
+    touching = [lambda x: np.isclose(x[1], -x[0]), outer]
     held = [lambda x: np.isclose(x[1], -x[0] - 0.5), at_coordinate(1, middle[1])]
     smooth = {"smooth": at_coordinate(0, 0.0)}
     return SlidingBodies(kind, bodies, touching, held, revolved=True, **smooth, **settings)
@@ -332,13 +305,9 @@ def out_of_balance(scene):
 
 def stacked(kind="hexahedron", lower=(4, 3, 2), upper=(3, 4, 2), width=1.0, **settings):
     """The unit cube above z = 0, driven at its top, on a block of this width and the height 1."""
-    low, high = (1 - width) / 2, (1 + width) / 2
-    bodies = (
-        grid(kind, lower, [low, low, -1.0], [high, high, 0.0]),
-        grid(kind, upper, [0.0] * 3, [1.0] * 3),
-    )
-    level = [at_coordinate(2, z) for z in (0.0, -1.0, 1.0)]
-    return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
+    ends = (1 - width) / 2, (1 + width) / 2
+    low = grid(kind, lower, [ends[0], ends[0], -1.0], [ends[1], ends[1], 0.0])
+    return on_each_other(kind, low, grid(kind, upper, [0.0] * 3, [1.0] * 3), axis=2, **settings)
 
 
 def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **settings):
@@ -352,18 +321,12 @@ def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **se
     def bent(x):
         return np.column_stack((x[:, :2], x[:, 2] + height * (1 - x[:, 2]) * away(x.T)))
 
-    bodies = (
-        grid(kind, lower, [-0.5, -0.5, -1.0], [1.5, 1.5, 0.0]),
-        grid(kind, upper, [0.0, 0.0, 0.0], [1.0, 1.0, 1.0], bent),
-    )
-    level = [at_coordinate(2, z) for z in (0.0, -1.0, 1.0)]
-    return SlidingBodies(
-        kind,
-        bodies,
-        [level[0], lambda x: np.isclose(x[2], height * away(x), atol=1e-12)],
-        level[1:],
-        **settings,
-    )
+    def below(x):
+        return np.isclose(x[2], height * away(x), atol=1e-12)
+
+    low = grid(kind, lower, [-0.5, -0.5, -1.0], [1.5, 1.5, 0.0])
+    high = grid(kind, upper, [0.0] * 3, [1.0] * 3, bent)
+    return on_each_other(kind, low, high, below=below, axis=2, **settings)
 
 
 def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, top=0.7, **settings):
@@ -427,19 +390,13 @@ def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), **settings
         at[:, 2] += height * (1 - at[:, 2]) * np.sum(at[:, :2] ** 2, axis=1)
         return at
 
-    (along, up), ends = (cells, [at_coordinate(2, z, atol=1e-12) for z in (0.0, -1.0, 1.0)])
-    bodies = (
-        grid(
-            kind,
-            (along + 2, along + 2, up),
-            [0.0, 0.0, -1.0],
-            [1.0, 1.0, 0.0],
-            lambda x: graded(x, 1.5),
-        ),
-        grid(kind, (along, along, up), [0.0] * 3, [1.0] * 3, bent),
-    )
+    def wide(x):
+        return graded(x, 1.5)
 
     def below(x):
         return np.isclose(x[2], height * (x[0] ** 2 + x[1] ** 2), atol=1e-12)
 
-    return SlidingBodies(kind, bodies, [ends[0], below], ends[1:], quarter=True, **settings)
+    along, up = cells
+    low = grid(kind, (along + 2, along + 2, up), [0.0, 0.0, -1.0], [1.0, 1.0, 0.0], wide)
+    high = grid(kind, (along, along, up), [0.0] * 3, [1.0] * 3, bent)
+    return on_each_other(kind, low, high, below=below, axis=2, quarter=True, **settings)

@@ -41,6 +41,15 @@ def tagged_ends(mesh, size):
     return tag_boundaries(mesh, ends)
 
 
+def moved_inside(mesh, size, *ways, twice=None):
+    """Move the nodes inside a block by these ways along the first axes, times a bump, which along
+    the axis ``twice`` has two arcs.
+    """
+    x = mesh.geometry.x
+    arcs = [np.sin((1 + (k == twice)) * np.pi * x[:, k] / end) for k, end in enumerate(size)]
+    x[:, : len(ways)] += np.multiply.outer(np.prod(arcs, axis=0), ways)
+
+
 def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
     """A block of uneven cells, 3 by 1 (by 1)."""
     plane = cell not in CELLS
@@ -50,11 +59,8 @@ def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
     else:
         mesh = box(cell, (3, 2, 2), size=size, comm=comm).mesh
     tagged = tagged_ends(mesh, size)
-    x = mesh.geometry.x
-    bump = np.prod([np.sin(np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
-    x[:, 0] += 0.2 * bump
-    x[:, 1] -= 0.1 * bump
-    x *= length
+    moved_inside(mesh, size, 0.2, -0.1)
+    mesh.geometry.x[:] *= length
     return tagged
 
 

@@ -35,3 +35,20 @@ def in_balance(solution):
         assert one.force + other.force == pytest.approx(np.zeros(2), abs=1e-9 * one.size[0])
         assert one.moment + other.moment == pytest.approx(0.0, abs=1e-9 * one.size[1])
     return every
+
+
+def sticking_half_width(solution, poisson, least=0.3):
+    """The half-width of the contact and that of the zone that sticks by Cattaneo and Mindlin,
+    c = a (1 - Q / F P)^(1/2), which the solution has to a node; the pressing force, and the
+    distance of nodes.
+    """
+    tangential, normal = np.abs(sum(solution.contact.forces))
+    share = tangential / (0.3 * normal)
+    assert least < share < 0.9
+    stiffness, radius = 200.0 / (2 * (1 - poisson**2)), 1 / (1 / 8 + 1 / 12)
+    half = np.sqrt(4 * normal * radius / (np.pi * stiffness))
+    inner = half * np.sqrt(1 - share)
+    table = solution.table.columns
+    spacing = np.diff(table["x"][np.abs(table["x"]) < half]).max()
+    assert np.ptp(table["x"][table["state"] == "stick"]) / 2 == pytest.approx(inner, abs=spacing)
+    return half, inner, normal, spacing
