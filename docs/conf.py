@@ -4,7 +4,6 @@ make docs.
 
 from __future__ import annotations
 
-import ast
 import re
 import sys
 from dataclasses import is_dataclass
@@ -30,12 +29,13 @@ import signorini_fx  # noqa: E402
 
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"]
+templates_path = [str(_ROOT / "docs" / "templates")]
 html_math_renderer = "mathml"  # no script and no network
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # GitHub's anchors: the tests check links against these
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "docs/api/*.md", "demos/*.py", "demos/forms/*.py"]
+include_patterns = ["*.md", "docs/*.md", "docs/api/*.rst", "demos/*.py", "demos/forms/*.py"]
 exclude_patterns = ["demos/paper.py"]
 html_theme = "furo"
 html_static_path = ["static"]
@@ -121,69 +121,6 @@ def _parameters(_app: Any, _page: str, text: list[str]) -> None:
         )
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
     text[0] = text[0].replace("<!-- the table of all quantities -->", markdown())
-
-
-_API = re.compile(r"```\{api\}\n(.*?)```", re.DOTALL)
-_DATA = ("Parameter",)
-
-
-def _api_pages(_app: Any) -> None:
-    """A page in docs/api for each name that a block of docs/api.md lists, with its members where
-    the block says so.
-    """
-    folder = _ROOT / "docs" / "api"
-    folder.mkdir(exist_ok=True)
-    for old in folder.glob("*.md"):
-        old.unlink()
-    for line in "".join(
-        _API.findall((_ROOT / "docs" / "api.md").read_text(encoding="utf-8"))
-    ).splitlines():
-        path, _, asked = line.partition(": members")
-        name = path.rpartition(".")[2]
-        kind = (
-            "exception" if name.endswith("Error") else "class" if name[0].isupper() else "function"
-        )
-        members, _, excluded = asked.replace(" undocumented", "").partition(" but ")
-        options = [f"   :members: {members}".rstrip()] if ": members" in line else []
-        options += [f"   :exclude-members: {excluded}"] if excluded else []
-        options += ["   :undoc-members:"] if "undocumented" in line else []
-        directive = f".. auto{'data' if name in _DATA else kind}:: signorini_fx.{path}"
-        text = "\n".join((f"# {name}", "", "```{eval-rst}", directive, *options, "```", ""))
-        (folder / f"{name}.md").write_text(text, encoding="utf-8")
-
-
-def _api_lists(_app: Any, page: str, text: list[str]) -> None:
-    """The blocks of docs/api.md as links to these pages."""
-    if page == "docs/api":
-        text[0] = _API.sub(_links, text[0])
-
-
-def _links(block: re.Match[str]) -> str:
-    paths = [line.partition(":")[0] for line in block[1].splitlines()]
-    names = [path.rpartition(".")[2] for path in paths]
-    tree = "\n".join(("```{toctree}", ":hidden:", "", *(f"api/{name}" for name in names), "```"))
-    rows = [
-        f"- [`{name}`](api/{name}.md): {_sentence(path)}"
-        for name, path in zip(names, paths, strict=True)
-    ]
-    return "\n".join((*rows, "", tree))
-
-
-def _sentence(path: str) -> str:
-    """The first one that the source says of a name of the package."""
-    module, _, name = path.rpartition(".")
-    if not module:
-        module = signorini_fx._PUBLIC[name].removeprefix("signorini_fx.")
-    source = (_ROOT / "signorini_fx" / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
-    for node in ast.parse(source).body:
-        if getattr(node, "name", None) == name:
-            docstring = " ".join((ast.get_docstring(node) or "").partition("\n\n")[0].split())
-            return re.split(r"(?<=\S\.)\s(?=[A-Z])", docstring, maxsplit=1)[0]
-        if isinstance(node, ast.ImportFrom) and name in (alias.name for alias in node.names):
-            return _sentence(f"{str(node.module).removeprefix('signorini_fx.')}.{name}")
-    above = source[: source.index(f"\n{name} =")].rpartition("\n\n")[2]  # data have comments
-    words = " ".join(line.lstrip("# ") for line in above.splitlines())
-    return f"{words.partition('. ')[0].rstrip('.')}."
 
 
 def _demos(_app: Any, page: str, text: list[str]) -> None:
@@ -289,8 +226,6 @@ def _formula(writer: Any, node: nodes.Element) -> None:
 def setup(app: Any) -> None:
     """Let Sphinx read the demos and the docstrings."""
     app.connect("autodoc-process-docstring", _escape)
-    app.connect("builder-inited", _api_pages)
-    app.connect("source-read", _api_lists)
     app.connect("source-read", _demos)
     app.connect("source-read", _parameters)
     app.connect("source-read", _files)

@@ -174,7 +174,7 @@ def folder(block, folders, monkeypatch):
 def test_blocks():
     """They are found, in languages that are known; few are not run, each for a reason."""
     languages = {block.language for block in BLOCKS}
-    assert languages == {"geo", "python", "sh", "text", "toml", "{api}", "{toctree}"}
+    assert languages == {"geo", "python", "sh", "text", "toml", "{eval-rst}", "{toctree}"}
     for page, languages in ((README, ("toml", "python", "sh")), (OWN_BODY, ("geo", "toml", "sh"))):
         for language in languages:
             assert any(
@@ -684,12 +684,7 @@ def test_returned_classes():
     attribute.
     """
     page = (DOCS / "api.md").read_text(encoding="utf-8")
-    listed = [
-        line.partition(":")[0]
-        for block in re.findall(r"(?s)```\{api\}\n(.*?)```", page)
-        for line in block.split("\n")
-    ]
-    listed = [name for name in listed if name]
+    listed = re.findall(r"(?m)^   ~?([\w.]+)$", page)
     package = Path(signorini_fx.__file__).parent
     ours = {
         name
