@@ -25,8 +25,6 @@ sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 from percent import as_markdown  # noqa: E402  # in this folder
 from quantities import markdown  # noqa: E402
 
-import signorini_fx  # noqa: E402
-
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"]
