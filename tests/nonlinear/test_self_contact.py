@@ -210,7 +210,7 @@ def test_a_ring_that_rolls():
     assert forces[0] == pytest.approx(forces[1], rel=1e-7)
     problem = rolled.problem
     folded = problem.linear.foundations.sliding[2]
-    tractions = np.random.default_rng(3).standard_normal(2 * folded.mine.size)
+    tractions = np.random.default_rng(3).standard_normal(2 * folded.alone.size)
     tractions[np.repeat(folded.alone, 2)] = 0.0
     averages = folded.boundary().averages
     forces = (averages.operator.T @ tractions).reshape(-1, 2)

@@ -4,11 +4,12 @@ integrals.
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from parameters import slow
 
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
-from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import ALONE, Lagrange, PairSurface, Sharing
 from signorini_fx.mechanics.pairs.search import Parts
 from signorini_fx.mechanics.pairs.sliding import slide
 
@@ -74,11 +75,9 @@ def displacement(x, upper, seed):
     return moved @ turn.T - x
 
 
-def differences(kind, seed, *, slides):
-    """The largest differences of weights, gaps, normals, D and M of a side that is wholly over the
-    other one.
-    """
-    (nodes, x), (others, y) = level(kind, 2, -0.5, 0.5), level(kind, 3, -0.9, 0.8)
+def both_sides(kind, seed, end, *, slides):
+    """Both as surfaces, that have moved if they slide, and what the oracle makes its own from."""
+    (nodes, x), (others, y) = level(kind, 2, -0.5, 0.5), level(kind, 3, -0.9, end)
     dim, count, places = x.shape[1], len(x), np.concatenate((x, y))
     moved = displacement(places, np.arange(len(places)) < count, seed)
     # The normal of a line is its direction turned clockwise.
@@ -87,23 +86,33 @@ def differences(kind, seed, *, slides):
         np.full(len(others), -1.0 if dim == 2 else 1.0),
     )
     functions, undeformed = Lagrange(np.array(PLACES[kind])), places if slides else places + moved
-    slave, master = (
+    surfaces = [
         PairSurface.of(of_side, at, functions, sign)
         for of_side, at, sign in zip(
             (nodes, others), np.split(undeformed, [count]), signs, strict=True
         )
-    )
+    ]
     if slides:
-        slave, master = slave.displaced(moved[:count]), master.displaced(moved[count:])
+        ways = np.split(moved, [count])
+        surfaces = [side.displaced(way) for side, way in zip(surfaces, ways, strict=True)]
+    return surfaces, [
+        Side(at, places + moved, sign, undeformed)
+        for at, sign in zip((nodes, count + others), signs, strict=True)
+    ]
+
+
+def differences(kind, seed, *, slides):
+    """The largest differences of weights, gaps, normals, D and M of a side that is wholly over the
+    other one.
+    """
+    (slave, master), sides = both_sides(kind, seed, 0.8, slides=slides)
+    count = len(slave.x)
+    if slides:
         found = slide(slave, master, np.arange(count), 0.5)
         shares = found.frames.both[:, :count], -found.frames.both[:, count:]
     else:
         found = couple(slave, master, reach=0.5)
         shares = found.slave, found.master
-    sides = [
-        Side(at, places + moved, sign, undeformed)
-        for at, sign in zip((nodes, count + others), signs, strict=True)
-    ]
     expected = points_of_moved(*sides)
     assert np.array_equal(expected.nodes, found.nodes)
     return [
@@ -120,6 +129,37 @@ def differences(kind, seed, *, slides):
 def test_sides_that_have_moved(kind, seed):
     """At X + u, with the areas of X."""
     assert max(differences(kind, seed, slides=True)) < 1e-8
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("slides", [False, True])
+@pytest.mark.parametrize("kind", SLIDING)
+def test_ranks_that_share_a_pair(kind, slides):
+    """Each has the rows of its own points, and a part of the stiffness, of a side that ends over
+    the other one.
+    """
+    comm = MPI.COMM_WORLD
+    (slave, master), _ = both_sides(kind, 1, 0.3, slides=slides)
+    rng = np.random.default_rng(2)
+    owner = rng.integers(0, comm.size, len(slave.x))
+    more = (np.arange(len(slave.x)),) if slides else ()
+    whole, own = (
+        (slide if slides else couple)(slave, master, *more, reach=0.5, sharing=sharing)
+        for sharing in (ALONE, Sharing(comm, owner))
+    )
+    here = np.flatnonzero(owner[whole.nodes] == comm.rank)
+    assert np.array_equal(own.nodes, whole.nodes[here])
+    entries = ["weight", "normal", "gap", "centre", *(["normal_rows"] if slides else ["both"])]
+    for name in entries:
+        expected, found = getattr(whole, name)[here], getattr(own, name)
+        assert abs(expected - found).max() < 1e-12 if here.size else found.shape[0] == 0
+    if slides:
+        tractions = rng.standard_normal((len(whole.nodes), slave.dimension))
+        full, part = (
+            at.stiffness(rows[:, 0], rows[:, 1:], symmetric=False).toarray()
+            for at, rows in ((whole, tractions), (own, tractions[here]))
+        )
+        assert np.abs(comm.allreduce(part) - full).max() < 1e-12 * np.abs(full).max()
 
 
 def test_points_at_a_rim():

@@ -263,7 +263,7 @@ class MovingFoundations(Foundations):
             of_part = rows[rows[:, 0] == number]
             if corners is not None and of_part[:, 2].any():
                 line = BoundaryLine.of(self._space, self.facets[number], self.displacement)
-                forces = of_part[np.argsort(of_part[:, 1]), 2]
+                forces = of_part[np.argsort(of_part[:, 1]), 2] * parallel.is_root(boundary.comm)
                 joint.append(CornerFeet.of(line, corners).stiffness(line, corners, forces))
         return tuple(joint)
 
@@ -527,7 +527,7 @@ class NonlinearBody(BodyOfForms):
                 "no point of its side has a partner within the reach: nothing would "
                 "hold both sides together"
             )
-            unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
+            unseen = [k for k, pair in pairs.items() if not pair.coupling.seen]
             if apart := [
                 (f"contact[{k}].kind", reason) for k in unseen if self.contact[k].bilateral
             ]:

@@ -18,12 +18,12 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg.blocks import BlockRows, block_matrix
 from signorini_fx.arrays import Array, Flags, Ints, matvec
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 
 
 @dataclass(frozen=True)
 class JointStiffness:
-    """Between the components of some nodes, the same on every rank."""
+    """Between the components of some nodes, the sum of those of all ranks."""
 
     nodes: Ints  # global numbers, shape (m,)
     matrix: sp.csr_array  # force per length, shape (m d, m d)
@@ -43,38 +43,32 @@ class JointStiffness:
         index_map = space.dofmap.index_map
         dim = space.dofmap.index_map_bs
         owned = displacement.reshape(-1, dim)[: index_map.size_local]
-        forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(
-            -1, dim
-        )
-        here = (self.nodes >= index_map.local_range[0]) & (self.nodes < index_map.local_range[1])
-        at_owned = np.zeros((index_map.size_local, dim))
-        np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
-        return at_owned.ravel()
+        comm = space.mesh.comm
+        forces = self.matrix @ from_owners(owned, self.nodes, comm).ravel()
+        return to_owners(forces.reshape(-1, dim), self.nodes, comm, len(owned)).ravel()
 
     def add_to(self, matrix: PETSc.Mat, dim: int, fixed: Flags | None) -> None:
         """To the unknowns that are not fixed; entries for which the matrix has no room are made;
         collective.
         """
+        comm = matrix.comm.tompi4py()
         unknowns = (dim * self.nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
         if fixed is not None:
-            free = from_owners(
-                (~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py()
-            )
+            free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, comm)
             unknowns[free == 0.0] = -1  # of which PETSc takes no entries
         unknowns = unknowns.ravel()
-        first, last = matrix.getOwnershipRange()
         count, total = matrix.getSizes()[0]
-        here = (unknowns >= first) & (unknowns < last)
-        room = np.zeros(count, dtype=PETSc.IntType)
-        room[unknowns[here] - first] = np.diff(self.matrix.indptr)[here]
+        entries = np.diff(self.matrix.indptr).reshape(-1, dim).astype(np.float64)
+        room = to_owners(entries, self.nodes, comm, count // dim).ravel().astype(PETSc.IntType)
         nnz = np.minimum(room, count), np.minimum(room, total - count)
-        more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=nnz, comm=matrix.comm)
-        entries = (
+        more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=nnz, comm=comm)
+        more.setValuesIJV(
             self.matrix.indptr.astype(PETSc.IntType),
             unknowns[self.matrix.indices],
             self.matrix.data,
+            addv=PETSc.InsertMode.ADD_VALUES,
+            rowmap=unknowns,
         )
-        more.setValuesIJV(*entries, rowmap=np.where(here, unknowns, -1).astype(PETSc.IntType))
         more.assemble()
         matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         more.destroy()

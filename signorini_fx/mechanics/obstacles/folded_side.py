@@ -109,7 +109,8 @@ class FoldedSide(MovingPair):
     def _at(self, displacement: Array) -> SlidingCoupling:
         on_nodes = displacement[: len(self.whole.x)]
         slave, master = (part.displaced(on_nodes) for part in self._parts)
-        return slide(slave, master, self.points, self.reach, self.whole.displaced(on_nodes))
+        whole = self.whole.displaced(on_nodes)
+        return slide(slave, master, self.points, self.reach, whole, self.sharing)
 
     def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
         joint = super().stiffness(state, symmetric=symmetric)

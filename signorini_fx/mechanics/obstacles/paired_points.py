@@ -31,9 +31,11 @@ from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, Tested, couple
 from signorini_fx.mechanics.pairs.pair_side import (
+    ALONE,
     Lagrange,
     Overlap,
     PairSurface,
+    Sharing,
     along_vectors,
     components,
     in_blocks,
@@ -94,6 +96,14 @@ class PairedSide:
         """Which of its nodes this rank owns, shape (N,)."""
         first, last = space.dofmap.index_map.local_range
         return (self.nodes >= first) & (self.nodes < last)
+
+    def sharing(self, space: fem.FunctionSpace) -> Sharing:
+        """Return how the ranks share a pair of which it is the slave; collective."""
+        comm = space.mesh.comm
+        if comm.size == 1:
+            return ALONE
+        ends = comm.allgather(space.dofmap.index_map.local_range[1])
+        return Sharing(comm, np.searchsorted(ends, self.nodes, side="right"))
 
 
 def averaged_points(
@@ -369,8 +379,7 @@ class PairedSides:
                 bonded=pair.bonded,
                 nominal=not pair.by_geometry,
                 reach=pair.reach,
-                comm=facing.space.mesh.comm,
-                mine=facing.slave.owned(facing.space),
+                sharing=facing.slave.sharing(facing.space),
             )
         except PairingError as error:
             raise FormError.at(f"contact[{facing.index}]", str(error)) from None
@@ -427,10 +436,7 @@ class PairedSides:
         )
         entries = sp.coo_array(replace(self, followed=True).relative.T @ forces)
         places = np.column_stack((entries.row, entries.col + dim * sides.slave.nodes.size))
-        places, values = (
-            parallel.gather_rows(boundary.comm, rows) for rows in (places, entries.data)
-        )
-        matrix = sp.coo_array((values, tuple(places.T)), shape=(sides.x.size, sides.x.size))
+        matrix = sp.coo_array((entries.data, tuple(places.T)), shape=(sides.x.size, sides.x.size))
         return JointStiffness(sides.nodes, sp.csr_array(matrix + matrix.T))
 
     def _at_partners(self, master: PairSurface) -> Array:
@@ -487,7 +493,8 @@ class MovingPair:
     Attributes:
         sides: both, undeformed.
         reach: distance beyond which facets are no partners, length.
-        points: nodes of the slave that have a point, shape (n,).
+        points: nodes of the slave that have a point, on any rank, shape (n,).
+        sharing: of the pair between the ranks.
         displacement: of the nodes of both, length, shape (m, d).
         coupling: the map there.
         settled: the displacement where the step begins.
@@ -515,6 +522,7 @@ class MovingPair:
             )
         self.sides = sides
         self.points = points
+        self.sharing = sides.slave.sharing(sides.space)
         self.reach = default_reach(surface.x, sides.master.surface.x) if reach is None else reach
         self.displacement = np.zeros_like(sides.x)
         self.coupling = self._at(self.displacement)
@@ -554,24 +562,19 @@ class MovingPair:
         on_slave, on_master = np.split(displacement, [sides.slave.nodes.size])
         slave = sides.slave.surface.displaced(on_slave)
         master = sides.master.surface.displaced(on_master)
-        return slide(slave, master, self.points, self.reach)
-
-    @cached_property
-    def mine(self) -> Ints:
-        """Which of the points this rank owns."""
-        return np.flatnonzero(self.sides.slave.owned(self.sides.space)[self.points])
+        return slide(slave, master, self.points, self.reach, sharing=self.sharing)
 
     @property
     def local_points(self) -> Indices:
         """Local numbers of the nodes of the points of this rank."""
-        return self.sides.local(self.points[self.mine])
+        return self.sides.local(self.coupling.nodes)
 
     @property
     def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points of all ranks,
-        shape (n, d, d).
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, d,
+        d).
         """
-        return self.sides.slave.surface.across[self.points]
+        return self.sides.slave.surface.across[self.coupling.nodes]
 
     @property
     def _sliding(self) -> Array:
@@ -589,49 +592,44 @@ class MovingPair:
             return self._known[1]
         sides = self.sides
         coupling = self.coupling
-        mine = self.mine
-        normal = self.coupling.normal[self.mine]
-        dim = normal.shape[1]
+        count, dim = coupling.normal.shape
         on_slave = sides.slave.surface.x.size
-        own = np.column_stack(
-            (mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1))
-        )
+        own = np.arange(count)
+        own = np.column_stack((own, count + (dim - 1) * own[:, None] + np.arange(dim - 1)))
         rows = sp.vstack((coupling.normal_rows, coupling.tangent_rows), format="csr")
-        frames = np.concatenate((normal[:, :, None], self._sliding[mine]), axis=2)
+        frames = np.concatenate((coupling.normal[:, :, None], self._sliding), axis=2)
         along = in_rows(frames, own, rows.shape[0]) @ rows
-        moved = coupling.frames.both[mine]
-        averages = Averages(
-            moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along
-        )
+        both = coupling.frames.both
+        averages = Averages(both, sides.nodes, sides.x, sides.fixed, coupling.centre, between=along)
         translations = np.tile(np.eye(dim), (len(sides.x), 1))  # of the slave alone
         translations[on_slave:] = 0.0
-        pushing = (coupling.normal_rows @ translations)[mine]
-        points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
-        free = points.free & coupling.frames.partnered[mine, None]
+        pushing = coupling.normal_rows @ translations
+        points = sides.points_at(coupling.nodes, coupling.weight, coupling.normal, averages)
+        free = points.free & coupling.frames.partnered[:, None]
         self._known = (coupling, replace(points, free=free, pushing=pushing))
         return self._known[1]
 
     def sliding_along(self, slip: Array) -> Array:
-        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what
-        nothing slides along, at those of this rank, shape (n, d).
+        """Slips along T_i, shape (n, d - 1), as vectors without what nothing slides along, shape
+        (n, d).
         """
-        return matvec(self._sliding, slip)[self.mine]
+        return matvec(self._sliding, slip)
 
     @property
     def slip(self) -> Array:
-        """The slip of all points since the step has begun, length, shape (n, d - 1)."""
+        """The slip of the points since the step has begun, length, shape (n, d - 1)."""
         return self.coupling.slip(self.begun)
 
     @property
     def alone(self) -> Flags:
-        """Which of the points of this rank do not see the other side, shape (n,)."""
-        return ~self.coupling.frames.partnered[self.mine]
+        """Which of the points do not see the other side, shape (n,)."""
+        return ~self.coupling.frames.partnered
 
     @property
     def opening(self) -> Array:
         """The linearised gap of the points at the displacement, length, shape (n,)."""
         relative = self.coupling.normal_rows @ self.displacement.ravel()
-        return (self.coupling.gap + relative)[self.mine]
+        return self.coupling.gap + relative
 
     @property
     def slip_origin(self) -> Array:
@@ -644,25 +642,22 @@ class MovingPair:
     def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
         """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        space = self.sides.space
         shear = matvec(state.boundary.tangents[rows], state.shear[rows])
-        owned = np.zeros((space.dofmap.index_map.size_local, 1 + shear.shape[1]))
-        owned[self.local_points] = np.column_stack((state.pressure[rows], shear))
-        tractions = from_owners(owned, self.sides.slave.nodes[self.points], space.mesh.comm)
-        along = rmatvec(self.coupling.frames.tangents, tractions[:, 1:])
+        along = rmatvec(self.coupling.frames.tangents, shear)
         return JointStiffness(
-            self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along, symmetric=symmetric)
+            self.sides.nodes,
+            self.coupling.stiffness(state.pressure[rows], along, symmetric=symmetric),
         )
 
     @property
     def parted(self) -> str:
         """The place of a point that saw the other side as the step began, if none sees it any more;
-        else "".
+        else ""; collective.
         """
-        left = np.flatnonzero(self.begun.frames.partnered)
-        if self.coupling.frames.partnered.any() or not left.size:
+        if self.coupling.seen or not self.begun.seen:
             return ""
-        place = self.coupling.slave.x[self.points[left[0]]]
+        places = self.coupling.slave.x[self.begun.nodes[self.begun.frames.partnered]]
+        place = parallel.gather_rows(self.sharing.comm, places[:1])[0]
         return (
             f"contact[{self.sides.index}], at "
             f"({', '.join(f'{component:.4g}' for component in place)})"
@@ -681,4 +676,4 @@ class MovingPair:
             )
             for tangents in (self.coupling.frames.tangents, self.begun.frames.tangents)
         )
-        return np.einsum("nik,njk->nij", frames, start)[self.mine]
+        return np.einsum("nik,njk->nij", frames, start)

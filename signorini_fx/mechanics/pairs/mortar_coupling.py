@@ -32,7 +32,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from mpi4py import MPI
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -46,8 +45,10 @@ from signorini_fx.mechanics.pairs.dual_functions import (
 )
 from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
 from signorini_fx.mechanics.pairs.pair_side import (
+    ALONE,
     Overlap,
     PairSurface,
+    Sharing,
     in_rows,
     turning_of,
     without_round_off,
@@ -72,11 +73,13 @@ class Coupling:
 
     Attributes:
         nodes: the slave node of each, shape (n,).
+        here: which of the points of all ranks they are, shape (n,).
         weight: w_i, area (in 2D: length) times the measure, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
-        mean: from integrals of functions on the pieces of the overlap, see ``Tested``.
+        mean: from integrals of functions on the pieces of the overlap that this rank has, see
+            ``Tested``, to the points of all ranks.
         first: how many of the nodes are those of the slave.
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact
             omega_i(u_m) x d_i, from the nodes of both sides, those of the slave first, by blocks,
@@ -88,6 +91,7 @@ class Coupling:
     """
 
     nodes: Ints
+    here: Ints
     weight: Array
     normal: Array
     distance: Array
@@ -134,16 +138,20 @@ class Coupling:
 class Tested:
     """The overlap of two sides, with the functions of the points on what is covered; ``bonded``:
     see ``couple``.
+
+    Each rank has the pieces on its share of the facets of the slave.  What is said of nodes and
+    facets is of all ranks, and collective.
     """
 
     slave: PairSurface
     master: PairSurface
     overlap: Overlap
     bonded: bool = False
+    sharing: Sharing = ALONE
 
     def chosen(self, pieces: Flags) -> Tested:
-        """Return the tested functions on some of the pieces, shape (p,)."""
-        if pieces.all():
+        """Return the tested functions on some of the pieces, shape (p,); collective."""
+        if not parallel.any_rank(self.sharing.comm, ~pieces):
             return self
         return replace(
             self,
@@ -198,10 +206,9 @@ class Tested:
     @cached_property
     def area(self) -> Array:
         """Return the covered area of each facet of the slave, shape (f,)."""
-        areas = self.overlap.weight.sum(axis=1)
-        return np.bincount(self.overlap.slave, areas, minlength=len(self.slave.nodes)).astype(
-            np.float64
-        )
+        areas = self.overlap.weight.sum(axis=1)[:, None]
+        count = len(self.slave.nodes)
+        return parallel.sums_by(self.sharing.comm, self.overlap.slave, areas, count)[:, 0]
 
     @property
     def twice(self) -> Ints:
@@ -219,7 +226,7 @@ class Tested:
         moment = np.einsum("pq,pqd->pd", overlap.weight[several], self.distance[several])
         distance = np.linalg.norm(moment, axis=1) / weight
         kept = np.ones(len(overlap.slave), dtype=bool)
-        for facet in self.twice:
+        for facet in np.unique(overlap.slave[several]):
             pieces = np.flatnonzero(overlap.slave[several] == facet)
             seen = overlap.master[several[pieces]]
             _, sheet = connected_components(self.master.neighbours[seen][:, seen])
@@ -238,11 +245,9 @@ class Tested:
     @cached_property
     def areas(self) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,)."""
-        points = self.slave.points[self.overlap.slave]
-        integrals = self.weighted.sum(axis=1)
-        return np.bincount(points.ravel(), integrals.ravel(), minlength=len(self.slave.x)).astype(
-            np.float64
-        )
+        points = self.slave.points[self.overlap.slave].ravel()
+        integrals = self.weighted.sum(axis=1).reshape(-1, 1)
+        return parallel.sums_by(self.sharing.comm, points, integrals, len(self.slave.x))[:, 0]
 
     @cached_property
     def shapes(self) -> tuple[Array, Array]:
@@ -272,8 +277,8 @@ class Tested:
         return mean
 
     def products(self) -> sp.csr_array:
-        """Integrals of the functions on all pieces times those of both sides, and beside them the
-        areas over which they see the nodes, sparse, shape (p t, 2 m).
+        """Integrals of the functions on all pieces times those of both sides, beside them the areas
+        over which they see the nodes, and integrals of the distance, sparse, shape (p t, 2 m + d).
         """
         products = self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2)
         first = len(self.slave.x)
@@ -282,8 +287,14 @@ class Tested:
         on_master = self.master.nodes[self.overlap.master]
         nodes = np.hstack((on_slave, first + on_master))
         count = first + len(self.master.x)
+        distance = self.weighted.swapaxes(1, 2) @ self.distance
+        components = np.broadcast_to(
+            2 * count + np.arange(dim := distance.shape[2]), (len(nodes), dim)
+        )
         return in_rows(
-            np.concatenate((products, areas), axis=2), np.hstack((nodes, count + nodes)), 2 * count
+            np.concatenate((products, areas, distance), axis=2),
+            np.hstack((nodes, count + nodes, components)),
+            2 * count + dim,
         )
 
     @property
@@ -314,7 +325,7 @@ class Tested:
         np.add.at(
             integrals, self.slave.points[self.overlap.slave], self.weighted.swapaxes(1, 2) @ values
         )
-        return integrals
+        return parallel.global_sum(self.sharing.comm, integrals)
 
 
 def couple(
@@ -324,8 +335,7 @@ def couple(
     bonded: bool = False,
     nominal: bool = False,
     reach: float | None = None,
-    comm: MPI.Comm = MPI.COMM_SELF,
-    mine: Flags | None = None,
+    sharing: Sharing = ALONE,
 ) -> Coupling:
     """The map of a pair; collective.
 
@@ -337,8 +347,7 @@ def couple(
         nominal: whether the sides are nominally in contact, so that their normals are the same but
             for their meshes.
         reach: distance beyond which facets are no partners, length; None: a default.
-        comm: the ranks that share the work; the other arguments are the same on all of them.
-        mine: nodes of the slave whose points this rank takes; None: all.
+        sharing: between the ranks; the other arguments are the same on all of them.
 
     Raises:
         PairingError: no facet finds a partner, one finds two sheets of them, the bodies lie inside
@@ -346,7 +355,7 @@ def couple(
     """
     if reach is None:
         reach = default_reach(slave.x, master.x)
-    whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
+    whole, _ = projected(slave, master, reach, sharing, bonded=bonded, nominal=nominal)
     tested = whole.moving
     fixed = constrained(tested.movable)
     nodes, shares = carried(slave, tested.covered, tested.areas, slave.unable | fixed)
@@ -360,13 +369,9 @@ def couple(
     nobody = (fixed & ~carried_nodes)[slave.points].all(axis=1)
     tested = tested.chosen(~nobody[tested.overlap.slave])
     _refuse_bare(tested, shares)
-    if mine is not None:
-        here = mine[nodes]
-        nodes = nodes[here]
-        shares = sp.csr_array(shares[here])
     coupling = coupled(tested, nodes, shares, nominal=nominal)
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave.x, master.x))
-    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
+    if (deepest := parallel.largest(sharing.comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of "
             f"{size:.3g}: check the "
@@ -378,34 +383,33 @@ def couple(
 def coupled(
     tested: Tested, nodes: Ints, shares: sp.csr_array, *, nominal: bool = False
 ) -> Coupling:
-    """The map of both sides at nodes that take over such shares of functions; those that take none
-    are alone.
+    """The map of both sides at the points of this rank, of those at ``nodes``, which take over such
+    shares of functions; those that take none are alone; collective.
     """
     slave = tested.slave
     master = tested.master
-    alone = np.diff(shares.indptr) == 0
     count = len(slave.x) + len(master.x)
-    ends = np.append(0, np.cumsum(alone))
-    itself = sp.csr_array((np.ones(ends[-1]), nodes[alone], ends), shape=(nodes.size, count))
     mean = tested.mean(shares)
     half = 0.0 if nominal else 0.5
-    products = mean @ tested.products()
-    distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(
-        mean.shape[1], slave.dimension
-    )
+    products = tested.sharing.rows(mean @ tested.products(), nodes)
+    here = tested.sharing.own(nodes)
+    nodes = nodes[here]
+    alone = np.diff(shares.indptr)[here] == 0
+    ends = np.append(0, np.cumsum(alone))
+    itself = sp.csr_array((np.ones(ends[-1]), nodes[alone], ends), shape=(nodes.size, count))
+    distance = products[:, 2 * count :].toarray()
     both = without_round_off(products[:, :count]) + itself
-    arms = products[:, count:]
+    arms = products[:, count : 2 * count]
     centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
     turning = turning_of(arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
-    weight = shares @ tested.areas
+    weight = (shares @ tested.areas)[here]
     first = len(slave.x)
     covered = float(tested.area.sum())
     both.data[both.indices >= first] *= -1.0
     directions = np.concatenate((slave.directions, master.directions))
     normal = slave.nodal_normals[nodes] if nominal else slave.in_planes(both @ directions, nodes)
-    return Coupling(
-        nodes, weight, normal, distance, both, mean, first, turning, centre, covered, covered
-    )
+    found = nodes, here, weight, normal, distance, both, mean, first, turning, centre
+    return Coupling(*found, covered, covered)
 
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
@@ -430,7 +434,7 @@ def projected(
     slave: PairSurface,
     master: PairSurface,
     reach: float,
-    comm: MPI.Comm = MPI.COMM_SELF,
+    sharing: Sharing,
     *,
     bonded: bool = False,
     nominal: bool = False,
@@ -440,16 +444,13 @@ def projected(
     at the nodes of the slave, shape (N, d); None: its normals; see ``couple``; ``apart``: whether
     it may be that no facet has a partner; collective.
     """
-    ends = (
-        len(slave.nodes) * comm.rank // comm.size,
-        len(slave.nodes) * (comm.rank + 1) // comm.size,
-    )
-    parts = Parts.of(slave, np.arange(*ends)), Parts.of(master, np.arange(len(master.nodes)))
+    facets = sharing.part(len(slave.nodes))
+    parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
     project = plane_overlap if slave.dimension == 2 else space_overlap
 
     def found(directions: Array | None) -> Tested:
-        overlap = project(*parts, reach, directions, comm).over_ranks(comm)
-        tested = Tested(slave, master, overlap, bonded).within(reach)
+        overlap = project(*parts, reach, directions, sharing.comm)
+        tested = Tested(slave, master, overlap, bonded, sharing).within(reach)
         return tested.of_nearest_sheets if apart and tested.twice.size else tested
 
     tested = found(None)
@@ -457,7 +458,7 @@ def projected(
     if tested.area.any() and not nominal:
         _check(tested, reach)
         directions = _mean_normals(tested)
-        if turned(slave, directions) > SAME_NUMBER:
+        if turned(parts[0], directions, sharing.comm) > SAME_NUMBER:
             tested = found(directions)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals

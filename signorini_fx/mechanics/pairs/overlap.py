@@ -97,13 +97,15 @@ def space_overlap(
     )
 
 
-def turned(slave: PairSurface, directions: Array) -> float:
+def turned(parts: Parts, directions: Array, comm: MPI.Comm) -> float:
     """Return the largest difference between directions of projection at the nodes and those of a
-    first projection: in 2D a distance of unit vectors, in 3D the tangent of an angle.
+    first projection, of the parts of all ranks: in 2D a distance of unit vectors, in 3D the tangent
+    of an angle; collective.
     """
+    slave = parts.side
     if slave.dimension == 2:
         return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
-    return float(np.max(_along(slave, Parts.of(slave, np.arange(len(slave.nodes))), directions)[1]))
+    return parallel.largest(comm, _along(slave, parts, directions)[1])
 
 
 def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:

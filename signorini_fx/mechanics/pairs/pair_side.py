@@ -10,7 +10,7 @@ A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
 
@@ -415,6 +415,64 @@ class PairSurface:
 
 
 @dataclass(frozen=True)
+class Sharing:
+    """How ranks share a pair: each has the pieces of the overlap on an equal part of the facets of
+    the slave, whichever rank has their cells, and the points at its own nodes.
+
+    ``comm``: the ranks; ``owner``: the rank of each node of the slave, shape (N,), None: this one.
+    """
+
+    comm: MPI.Comm
+    owner: Ints | None
+
+    def part(self, count: int) -> Ints:
+        """Return which of so many facets this rank pairs."""
+        comm = self.comm
+        return np.arange(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
+
+    def own(self, nodes: Ints) -> Ints:
+        """Return which of the points at some nodes are of this rank."""
+        if self.owner is None:
+            return np.arange(nodes.size)
+        return np.flatnonzero(self.owner[nodes] == self.comm.rank)
+
+    def rows(self, matrix: sp.csr_array, nodes: Ints) -> sp.csr_array:
+        """Return the sums over the ranks of the rows for points at some nodes, those of the points
+        of this rank; collective.
+        """
+        if self.owner is None:
+            return matrix
+        entries = matrix.tocoo()
+        to = self.owner[nodes][entries.row]
+        place = np.zeros(nodes.size, dtype=np.int64)  # of each row among those of its rank
+        for rank in range(self.comm.size):
+            at = self.owner[nodes] == rank
+            place[at] = np.arange(np.count_nonzero(at))
+        parts = [
+            (place[entries.row[here]], entries.col[here], entries.data[here])
+            for here in (np.flatnonzero(to == rank) for rank in range(self.comm.size))
+        ]
+        rows, columns, values = (
+            np.concatenate(entry)
+            for entry in zip(*parallel.exchanged(self.comm, parts), strict=True)
+        )
+        shape = (self.own(nodes).size, matrix.shape[1])
+        return sp.csr_array((values, (rows, columns)), shape=shape)
+
+    def everywhere(self, values: Array, nodes: Ints) -> Array:
+        """Return the values of the points at some nodes, shape (n, k), on every rank, from those of
+        its own; collective.
+        """
+        rows = np.zeros((nodes.size, values.shape[1]))
+        rows[self.own(nodes)] = values
+        return parallel.global_sum(self.comm, rows)
+
+
+# Of a pair that no other rank knows of.
+ALONE = Sharing(MPI.COMM_SELF, None)
+
+
+@dataclass(frozen=True)
 class Overlap:
     """Pieces of the overlap, p of them, each on one facet of either side, with q points each.
 
@@ -431,12 +489,6 @@ class Overlap:
     at: Array
     over: Array
     weight: Array
-
-    def over_ranks(self, comm: MPI.Comm) -> Overlap:
-        """Return the overlaps of all ranks; collective."""
-        return Overlap(
-            *(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self))
-        )
 
 
 def summed(shape: tuple[int, int], *parts: tuple[Array, Ints, Ints]) -> sp.csr_array:

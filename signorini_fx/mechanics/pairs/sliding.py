@@ -28,11 +28,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from signorini_fx.arrays import Array, Flags, Ints, inner, matvec, quotient, rmatvec
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
 from signorini_fx.mechanics.pairs.pair_side import (
+    ALONE,
     PairSurface,
+    Sharing,
     along_vectors,
     in_blocks,
     means_along,
@@ -61,11 +64,13 @@ class SlidingCoupling:
     """The contact points of a pair of deformed sides, one for each of some nodes of the slave, n of
     them.
 
-    A point that sees no partner has the displacement of its node, and the reach for a gap.
+    They are those of this rank.  A point that sees no partner has the displacement of its node, and
+    the reach for a gap.
 
     Attributes:
         slave, master: both sides as they are deformed.
         nodes: of the slave, shape (n,).
+        seen: whether any point of any rank sees the other side.
         weight: w_i, undeformed area, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         gap: length, shape (n,).
@@ -82,6 +87,7 @@ class SlidingCoupling:
     slave: PairSurface
     master: PairSurface
     nodes: Ints
+    seen: bool
     weight: Array
     normal: Array
     gap: Array
@@ -107,7 +113,8 @@ class SlidingCoupling:
 
     def stiffness(self, pressure: Array, shear: Array, *, symmetric: bool) -> sp.csr_array:
         """Return the stiffness that tractions add to the tangent as the frames of the points turn
-        and their partners shift, force / length, sparse, shape (d m, d m).
+        and their partners shift, force / length, sparse, shape (d m, d m), which is the sum over
+        the ranks; collective.
 
         The stiffness of pressures is the second derivative of the gaps.  Shears turn with the
         normals, which is made symmetric by its transpose: that acts along the normals alone, where
@@ -119,13 +126,13 @@ class SlidingCoupling:
         """
         shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
         turning = list[tuple[Array, Ints, Ints]]()
-        if shear.any():
+        sharing = self.pieces.tested.sharing
+        if parallel.any_rank(sharing.comm, shear):
             turns = self._turning(shears).T.tocsr() @ self.normal_rows
             row = np.repeat(np.arange(turns.shape[0]), np.diff(turns.indptr))
             turning = [(-turns.data, row, turns.indices), (-turns.data, turns.indices, row)]
-        return self.pieces.stiffness(
-            self.weight * pressure, 0.0 * shears if symmetric else shears, turning
-        )
+        forces = np.column_stack((self.weight * pressure, 0.0 * shears if symmetric else shears))
+        return self.pieces.stiffness(forces, turning)
 
     def _turning(self, along: Array) -> sp.csr_array:
         """Return the derivative of n_i along vectors, shape (n, d), by displacements of both sides,
@@ -144,14 +151,15 @@ def slide(
     points: Ints,
     reach: float,
     whole: PairSurface | None = None,
+    sharing: Sharing = ALONE,
 ) -> SlidingCoupling:
     """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``:
     nodes of the slave that have a point, ascending, shape (n,); ``reach``: distance beyond which
     facets are no partners, length; ``whole``: the surface of which the slave is a part, which
-    points that see no partner belong to; None: the slave; a
-    PairingError: a facet sees two sheets of the master.
+    points that see no partner belong to; None: the slave; ``sharing``: between the ranks; a
+    PairingError: a facet sees two sheets of the master; collective.
     """
-    tested, directions = projected(slave, master, reach, apart=True)
+    tested, directions = projected(slave, master, reach, sharing, apart=True)
     assert directions is not None
     tested = tested.moving
     whole = slave if whole is None else whole
@@ -162,19 +170,22 @@ def slide(
     entries[1:][partnered] = np.diff(shares.indptr)
     placed = shares.data, shares.indices, entries.cumsum()
     found = coupled(tested, points, sp.csr_array(placed, shape=(points.size, shares.shape[1])))
+    pieces = SlidingPieces.of(tested, directions, points, found.mean)
+    points = found.nodes
+    seen = bool(partnered.any())
+    partnered = partnered[found.here]
     normals = np.where(partnered[:, None], found.normal, whole.nodal_normals[points])
     both = found.both
     tangents = tangents_of_points(whole, points, normals)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
-    pieces = SlidingPieces.of(tested, directions, found.mean)
     # A point alone moves with its node.
     own = means_along(np.where(partnered[:, None], 0.0, normals), both)
     gap = np.where(partnered, pieces.gap, reach)
     weights = np.where(partnered, found.weight, whole.area[points])
     frames = Frames(both, tangents, partnered)
     rows = (own - pieces.rows, tangent_rows)
-    at_points = (points, weights, normals, gap, frames, *rows, found.centre)
+    at_points = (points, seen, weights, normals, gap, frames, *rows, found.centre)
     return SlidingCoupling(slave, master, *at_points, found.covered, pieces)
 
 

@@ -30,6 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from signorini_fx.arrays import Array, Ints, inner, matvec, rmatvec
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap import (
     axes_across,
@@ -59,11 +60,11 @@ _ON_EDGE = 3
 
 @dataclass(frozen=True)
 class SlidingPieces:
-    """The pieces of an overlap, p of them with q points each, c vectors each.
+    """The pieces of an overlap that this rank has, p of them with q points each, c vectors each.
 
     Attributes:
-        mean: from integrals of functions on the pieces to means at the n points, sparse, shape (n,
-            p t).
+        points: the nodes of the points of all ranks, shape (n,).
+        mean: from integrals of functions on the pieces to means at these, sparse, shape (n, p t).
         tested: the overlap with these functions.
         projection: along which the points see the master.
         blocks: which vectors of ``spread`` a piece depends on: those at the nodes of both facets,
@@ -83,6 +84,7 @@ class SlidingPieces:
             twist.
     """
 
+    points: Ints
     mean: sp.csr_array
     tested: Tested = field(repr=False)
     projection: Projection = field(repr=False)
@@ -98,9 +100,11 @@ class SlidingPieces:
     curved: Array = field(repr=False)
 
     @classmethod
-    def of(cls, tested: Tested, directions: Array, mean: sp.csr_array) -> SlidingPieces:
+    def of(
+        cls, tested: Tested, directions: Array, points: Ints, mean: sp.csr_array
+    ) -> SlidingPieces:
         """Return the pieces of two sides; ``directions``: of projection at the nodes of the slave,
-        of length one, shape (N, d).
+        of length one, shape (N, d); for ``points`` and ``mean`` see the attributes.
         """
         slave = tested.slave
         master = tested.master
@@ -134,7 +138,8 @@ class SlidingPieces:
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = matvec(facing, curvatures @ corners)
         directed = facing, facing - way, dual, distance, curved
-        return cls(mean, tested, projection, blocks, spread, share, turns, slope, *directed)
+        at_points = points, mean, tested
+        return cls(*at_points, projection, blocks, spread, share, turns, slope, *directed)
 
     @cached_property
     def kinks(self) -> Kinks:
@@ -143,12 +148,14 @@ class SlidingPieces:
 
     @property
     def gap(self) -> Array:
-        """Return the gap at the points, length, shape (n,)."""
-        return self.mean @ rmatvec(self.tested.weighted, self.distance).ravel()
+        """Return the gap at the points of this rank, length, shape (n,); collective."""
+        gap = self.mean @ rmatvec(self.tested.weighted, self.distance).ravel()
+        sharing = self.tested.sharing
+        return parallel.global_sum(sharing.comm, gap)[sharing.own(self.points)]
 
     @property
     def rows(self) -> sp.csr_array:
-        """Return the derivative of the gap, sparse, shape (n, d m)."""
+        """Return the derivative of the gap, sparse, shape (n, d m); collective."""
         entries = np.matmul(
             self.tested.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across)
         )
@@ -156,8 +163,9 @@ class SlidingPieces:
 
     def passing(self, along: Array) -> sp.csr_array:
         """Return the change of the normal of the master along vectors at the points, shape (n, d),
-        by the places that shift with displacements, sparse, shape (n, d m).
+        by the places that shift with displacements, sparse, shape (n, d m); collective.
         """
+        along = self.tested.sharing.everywhere(along, self.points)
         total = np.zeros(1)
         master = self.tested.master
         normals = master.directions[master.nodes[self.tested.overlap.master]]
@@ -167,15 +175,17 @@ class SlidingPieces:
         return self._at_points(means_along(along, self.mean), total)
 
     def stiffness(
-        self, pressing: Array, shears: Array, more: Sequence[tuple[Array, Ints, Ints]] = ()
+        self, acting: Array, more: Sequence[tuple[Array, Ints, Ints]] = ()
     ) -> sp.csr_array:
-        """Minus the second derivative of the gaps with forces at the points, shape (n,), and what
-        shears there, shape (n, d), change of the forces on the master as places shift, and
-        ``more``, see ``summed``; sparse, shape (d m, d m).
+        """Minus the second derivative of the gaps with forces at the points of this rank, and what
+        shears there change of the forces on the master as places shift, and ``more``, see
+        ``summed``; sparse, shape (d m, d m), the sum over the ranks; ``acting``: both, shape (n, 1
+        + d); collective.
         """
         count, _, tests = self.tested.weighted.shape
         dim = self.facing.shape[2]
-        nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
+        everywhere = self.tested.sharing.everywhere(acting, self.points)
+        nodal = (self.mean.T @ everywhere).reshape(count, tests, 1 + dim)
         acting = self.tested.weighted @ nodal
         forces = acting[..., 0]
         shearing = acting[..., 1:]
@@ -238,11 +248,12 @@ class SlidingPieces:
         )
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
-        """The matrix of displacements at the points with these means of integrals, shape (p, i, d
-        c).
+        """The matrix of displacements at the points of this rank with these means of integrals,
+        shape (p, i, d c); collective.
         """
         columns = components(self.blocks, self.facing.shape[2])
-        return mean @ in_rows(entries, columns, self.spread.shape[0]) @ self.spread
+        rows = mean @ in_rows(entries, columns, self.spread.shape[0])
+        return self.tested.sharing.rows(rows, self.points) @ self.spread
 
 
 @dataclass(frozen=True)

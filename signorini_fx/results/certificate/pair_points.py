@@ -45,14 +45,13 @@ class PairPoints:
             return cls(
                 pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair
             )
-        mine = pair.mine
         on_slave = pair.sides.slave.nodes.size
-        both = pair.coupling.frames.both[mine]
+        both = pair.coupling.frames.both
         return cls(
             pair.sides,
             both[:, :on_slave],
             -both[:, on_slave:],
-            pair.across[mine],
+            pair.across,
             moving=copy(pair),
         )
 
@@ -69,7 +68,7 @@ class PairPoints:
         pair = copy(moving)
         pair.move(owned)
         slip = np.where(pair.alone[:, None], 0.0, pair.sliding_along(pair.slip))
-        return slip - pair.coupling.gap[pair.mine][:, None] * normal
+        return slip - pair.coupling.gap[:, None] * normal
 
     def on_other_side(self, of_node: Ints) -> Ints:
         """Numbers that the owned nodes have, at the node of the other side that each point meets
@@ -121,10 +120,10 @@ class PairPoints:
             assert self.moving is not None
             found = self.moving.coupling
             facing = ~self.moving.alone
-            if not found.frames.partnered.any():
+            if not found.seen:
                 return 0.0
             operator = self.moving.boundary().averages.operator
-            weight = np.where(facing, found.weight[self.moving.mine], 0.0)
+            weight = np.where(facing, found.weight, 0.0)
             covered = found.covered
             x = np.concatenate((found.slave.x, found.master.x))
             # A plane of symmetry that holds the direction of rays takes a moment, too.
