@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from signorini_fx.arrays import Array, Flags, Ints, quotient
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
@@ -110,25 +111,29 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Ints) -> sp.csr_array:
     while (further := ~reached & (np.bincount(of, reached[to], portion.size) > 0)).any():
         reached = reached | further
     chain = np.flatnonzero(reached & (portion < 1) & (sums > 0))
+    itself = sp.eye_array(portion.size, format="csr")
+    if not chain.size:
+        return sp.csr_array(itself[nodes])
     number = np.full(portion.size, -1)
-    point = np.full(portion.size, -1)
     number[chain] = np.arange(chain.size)
-    point[nodes] = np.arange(nodes.size)
     on_chain = number[of] >= 0
     to = to[on_chain]
     of = of[on_chain]
-    steps = np.zeros((portion.size, chain.size))
-    steps[to, number[of]] = takes[to] * (1.0 - portion[of]) / sums[of]
-    handed = np.where(number < 0, portion, 0.0)[:, None] * steps
-    handed[chain, number[chain]] += portion[chain]
-    # What is kept of what these hand on, in any number of steps.
-    values = np.linalg.solve((np.eye(chain.size) - steps[chain]).T, handed[nodes].T).T
+    values = takes[to] * (1.0 - portion[of]) / sums[of]
+    steps = _by_rows(values, to, number[of], (portion.size, chain.size))
+    kept = sp.diags_array(np.where(number < 0, portion, 0.0)) @ steps
+    kept += sp.diags_array(portion) @ itself[:, chain]
+    handed = kept[nodes]
+    # What is kept of what these hand on, in any number of steps, by the nodes that get any.
+    taking = np.flatnonzero(np.diff(handed.indptr))
+    on_itself = sp.csc_array(sp.eye_array(chain.size) - steps[chain].T)
+    values = splu(on_itself).solve(handed[taking].toarray().T).T
     values[values <= SAME_NUMBER**2] = 0.0
     values /= values.sum(axis=0)
     of_keeping, of_chain = np.nonzero(values)
-    alone = nodes[number[nodes] < 0]
-    rows = np.concatenate((point[alone], of_keeping))
-    columns = np.concatenate((alone, chain[of_chain]))
+    alone = np.flatnonzero(number[nodes] < 0)
+    rows = np.concatenate((alone, taking[of_keeping]))
+    columns = np.concatenate((nodes[alone], chain[of_chain]))
     entries = np.concatenate((np.ones(alone.size), values[of_keeping, of_chain]))
     return _by_rows(entries, rows, columns, (nodes.size, portion.size))
 
@@ -151,23 +156,23 @@ def _mixed(
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
-    at = (np.arange(weak.size), weak)
-    own = np.zeros((shares.shape[1], weak.size))
-    own[nodes[weak], at[0]] = 1.0
-    to = (shares @ own).T  # which points the function of each of them is in
-    remainder = np.maximum(1.0 - to[at], 0.0)
-    to[at] = 0.0
-    mean = to * quotient(1.0, remainder, remainder > SAME_NUMBER)[:, None]
-    sizes = shares @ weights[0]
-    added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
-    added *= quotient(1.0, sizes)
-    added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
-    kept = np.arange(nodes.size)
-    row, column = np.nonzero(added)
-    rows = np.concatenate((kept, weak[row]))
-    columns = np.concatenate((kept, column))
-    entries = np.concatenate((1.0 - added.sum(axis=0), added[row, column]))
-    return _by_rows(entries, rows, columns, (nodes.size, nodes.size)) @ shares
+    # Which points the function of each of them is in.
+    to = shares.tocsc()[:, nodes[weak]].tocoo()
+    others = to.row != weak[to.col]
+    point = to.row[others]
+    of = to.col[others]
+    own = np.bincount(to.col[~others], to.data[~others], weak.size)
+    remainder = np.maximum(1.0 - own, 0.0)
+    given = (1.0 - portion[weak]) * weights[1][weak]
+    given *= quotient(1.0, remainder, remainder > SAME_NUMBER)
+    added = given[of] * to.data[others] * quotient(1.0, shares @ weights[0])[point]
+    count = nodes.size
+    added /= np.maximum(1.0, 2.0 * np.bincount(point, added, count))[point]
+    kept = np.arange(count)
+    rows = np.concatenate((kept, weak[of]))
+    columns = np.concatenate((kept, point))
+    entries = np.concatenate((1.0 - np.bincount(point, added, count), added))
+    return _by_rows(entries, rows, columns, (count, count)) @ shares
 
 
 def extended(side: PairSurface, nodes: Ints, values: Array) -> Array:
