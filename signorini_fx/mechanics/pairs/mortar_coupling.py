@@ -27,7 +27,7 @@ master, omega_i(u_m) x d_i: with D = 1 a ring of facets turns freely in another 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,8 +78,8 @@ class Coupling:
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
-        mean: from integrals of functions on the pieces of the overlap that this rank has, see
-            ``Tested``, to the points of all ranks.
+        mean: from integrals of functions on the pairs of facets that this rank has, see ``Tested``,
+            to the points of all ranks.
         first: how many of the nodes are those of the slave.
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact
             omega_i(u_m) x d_i, from the nodes of both sides, those of the slave first, by blocks,
@@ -153,28 +153,17 @@ class Tested:
         """Return the tested functions on some of the pieces, shape (p,); collective."""
         if not parallel.any_rank(self.sharing.comm, ~pieces):
             return self
-        return replace(
-            self,
-            overlap=Overlap(
-                *(getattr(self.overlap, entry.name)[pieces] for entry in fields(Overlap))
-            ),
-        )
+        return replace(self, overlap=self.overlap.chosen(pieces))
 
     def within(self, reach: float) -> Tested:
         """Return the tested functions on the pieces of those pairs of facets whose mean distance,
         of all pieces, is at most ``reach``, length.
         """
-        overlap = self.overlap
         weight = self.overlap.weight
-        _, pair = np.unique(
-            overlap.slave * len(self.master.nodes) + overlap.master, return_inverse=True
-        )
-        moment = (weight[:, None] @ self.distance)[:, 0]
-        mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
-        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(
-            pair, weight.sum(axis=1)
-        )
-        return self.chosen(near[pair])
+        moment = self.overlap.of_pairs((weight[:, None] @ self.distance)[:, 0])
+        area = self.overlap.of_pairs(weight.sum(axis=1))
+        near = np.linalg.norm(moment, axis=1) <= (1.0 + SAME_LENGTH) * reach * area
+        return self.chosen(near[self.overlap.pair])
 
     @property
     def moving(self) -> Tested:
@@ -269,25 +258,31 @@ class Tested:
         return self.shapes[1] @ on_master - self.shapes[0] @ on_slave
 
     def mean(self, shares: sp.csr_array) -> sp.csr_array:
-        """Return the matrix from integrals of the functions on all pieces to means of points with
-        such shares of them, shape (n, N): sparse, shape (n, p t).
+        """Return the matrix from integrals of the functions on all pairs of facets to means of
+        points with such shares of them, shape (n, N): sparse, shape (n, f t).
         """
-        mean = shares[:, self.slave.points[self.overlap.slave].ravel()]
+        facets = self.overlap.slave[self.overlap.first]
+        mean = shares[:, self.slave.points[facets].ravel()]
         mean.data /= np.repeat(shares @ self.areas, np.diff(mean.indptr))
         return mean
 
     def products(self) -> sp.csr_array:
-        """Integrals of the functions on all pieces times those of both sides, beside them the areas
-        over which they see the nodes, and integrals of the distance, sparse, shape (p t, 2 m + d).
+        """Integrals of the functions on all pairs of facets times those of both sides, beside them
+        the areas over which they see the nodes, and integrals of the distance, sparse, shape (f t,
+        2 m + d).
         """
-        products = self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2)
+        overlap = self.overlap
+        products = overlap.of_pairs(
+            self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2)
+        )
         first = len(self.slave.x)
-        areas = np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], products.shape)
-        on_slave = self.slave.nodes[self.overlap.slave]
-        on_master = self.master.nodes[self.overlap.master]
+        areas = overlap.of_pairs(overlap.weight.sum(axis=1))[:, None, None]
+        areas = np.broadcast_to(areas, products.shape)
+        on_slave = self.slave.nodes[overlap.slave[overlap.first]]
+        on_master = self.master.nodes[overlap.master[overlap.first]]
         nodes = np.hstack((on_slave, first + on_master))
         count = first + len(self.master.x)
-        distance = self.weighted.swapaxes(1, 2) @ self.distance
+        distance = overlap.of_pairs(self.weighted.swapaxes(1, 2) @ self.distance)
         components = np.broadcast_to(
             2 * count + np.arange(dim := distance.shape[2]), (len(nodes), dim)
         )
@@ -450,6 +445,7 @@ def projected(
 
     def found(directions: Array | None) -> Tested:
         overlap = project(*parts, reach, directions, sharing.comm)
+        overlap = overlap.chosen(np.lexsort((overlap.master, overlap.slave)))
         tested = Tested(slave, master, overlap, bonded, sharing).within(reach)
         return tested.of_nearest_sheets if apart and tested.twice.size else tested
 

@@ -10,7 +10,7 @@ A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import product
 
@@ -411,7 +411,7 @@ class PairSurface:
             return self.undeformed.around
         areas = self.facet_areas[:, None, None]
         shape = (len(self.x), len(self.x))
-        return summed(shape, (areas, self.nodes[:, :, None], self.nodes[:, None]))
+        return summed(shape, areas, self.nodes[:, :, None], self.nodes[:, None])
 
 
 @dataclass(frozen=True)
@@ -474,7 +474,8 @@ ALONE = Sharing(MPI.COMM_SELF, None)
 
 @dataclass(frozen=True)
 class Overlap:
-    """Pieces of the overlap, p of them, each on one facet of either side, with q points each.
+    """Pieces of the overlap, p of them, each on one facet of either side, with q points each, by
+    pairs of facets, f of them.
 
     Attributes:
         slave, master: numbers of the facets, shape (p,).
@@ -490,14 +491,36 @@ class Overlap:
     over: Array
     weight: Array
 
+    def chosen(self, pieces: Ints | Flags) -> Overlap:
+        """Return some of the pieces."""
+        return Overlap(*(getattr(self, entry.name)[pieces] for entry in fields(self)))
 
-def summed(shape: tuple[int, int], *parts: tuple[Array, Ints, Ints]) -> sp.csr_array:
-    """A sparse matrix, the sum of entries: values, rows and columns, of each part of shapes that
-    are broadcast.
-    """
-    flat = ([entry.ravel() for entry in np.broadcast_arrays(*part)] for part in parts)
-    values, *places = (np.concatenate(entries) for entries in zip(*flat, strict=True))
-    return sp.csr_array((values, places), shape=shape)
+    @cached_property
+    def first(self) -> Ints:
+        """The first piece of each pair of facets, shape (f,)."""
+        if not self.slave.size:
+            return np.zeros(0, dtype=np.int64)
+        others = (np.diff(self.slave) != 0) | (np.diff(self.master) != 0)
+        return np.append(0, 1 + np.flatnonzero(others))
+
+    @cached_property
+    def pair(self) -> Ints:
+        """The pair of each piece, shape (p,)."""
+        count = self.first.size
+        return np.repeat(np.arange(count), np.diff(np.append(self.first, self.slave.size)))
+
+    def of_pairs(self, values: Array) -> Array:
+        """Return sums over the pieces of each pair, shape (f, ...)."""
+        if len(self.first) == len(values):
+            return values
+        return np.asarray(np.add.reduceat(values, self.first, axis=0), dtype=np.float64)
+
+
+def summed(shape: tuple[int, int], values: Array, rows: Ints, columns: Ints) -> sp.csr_array:
+    """A sparse matrix, the sum of values, of shapes that are broadcast."""
+    narrow = (entry.astype(np.int32) for entry in (rows, columns))
+    flat = [entry.ravel() for entry in np.broadcast_arrays(values, *narrow)]
+    return sp.csr_array((flat[0], (flat[1], flat[2])), shape=shape)
 
 
 def in_rows(values: Array, columns: Ints, width: int) -> sp.csr_array:

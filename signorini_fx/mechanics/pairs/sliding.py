@@ -125,14 +125,12 @@ class SlidingCoupling:
         (n,); ``shear``: mu along T_i, stress, shape (n, d - 1).
         """
         shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
-        turning = list[tuple[Array, Ints, Ints]]()
-        sharing = self.pieces.tested.sharing
-        if parallel.any_rank(sharing.comm, shear):
-            turns = self._turning(shears).T.tocsr() @ self.normal_rows
-            row = np.repeat(np.arange(turns.shape[0]), np.diff(turns.indptr))
-            turning = [(-turns.data, row, turns.indices), (-turns.data, turns.indices, row)]
         forces = np.column_stack((self.weight * pressure, 0.0 * shears if symmetric else shears))
-        return self.pieces.stiffness(forces, turning)
+        stiffness = self.pieces.stiffness(forces)
+        if parallel.any_rank(self.pieces.tested.sharing.comm, shear):
+            turns = self._turning(shears).T.tocsr() @ self.normal_rows
+            stiffness = stiffness - turns - turns.T
+        return sp.csr_array(stiffness)
 
     def _turning(self, along: Array) -> sp.csr_array:
         """Return the derivative of n_i along vectors, shape (n, d), by displacements of both sides,

@@ -22,7 +22,7 @@ which ``spread`` makes of displacements.  In 3D facets are of degree 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -60,15 +60,16 @@ _ON_EDGE = 3
 
 @dataclass(frozen=True)
 class SlidingPieces:
-    """The pieces of an overlap that this rank has, p of them with q points each, c vectors each.
+    """The pieces of an overlap that this rank has, p of them with q points each, on f pairs of
+    facets with c vectors each.
 
     Attributes:
         points: the nodes of the points of all ranks, shape (n,).
-        mean: from integrals of functions on the pieces to means at these, sparse, shape (n, p t).
+        mean: from integrals of functions on the pairs to means at these, sparse, shape (n, f t).
         tested: the overlap with these functions.
         projection: along which the points see the master.
-        blocks: which vectors of ``spread`` a piece depends on: those at the nodes of both facets,
-            and what turns N, shape (p, c).
+        blocks: which vectors of ``spread`` a pair depends on: those at the nodes of both facets,
+            and what turns N, shape (f, c).
         spread: all vectors from the displacements of the nodes of both sides, sparse, shape (d v, d
             m).
         share: with which each of them is in d_m - d_s - g dN, but for what turns N along itself,
@@ -121,9 +122,9 @@ class SlidingPieces:
         )
         ends = np.append(themselves, themselves.size + turning.indptr)
         spread = sp.csr_array((*entries, ends), shape=(ends.size - 1, themselves.size))
-        seen = slave.nodes[overlap.slave]
-        over = master.nodes[overlap.master]
-        blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
+        facet = overlap.slave[overlap.first]
+        over = first + master.nodes[overlap.master[overlap.first]]
+        blocks = np.column_stack((slave.nodes[facet], over, total + projection.numbers[facet]))
         way, turns = projection.at(overlap.slave, tested.shapes[0])
         distance = np.einsum("pqd,pqd->pq", tested.distance, way)
         share = np.concatenate(
@@ -149,7 +150,8 @@ class SlidingPieces:
     @property
     def gap(self) -> Array:
         """Return the gap at the points of this rank, length, shape (n,); collective."""
-        gap = self.mean @ rmatvec(self.tested.weighted, self.distance).ravel()
+        integrals = rmatvec(self.tested.weighted, self.distance)
+        gap = self.mean @ self.tested.overlap.of_pairs(integrals).ravel()
         sharing = self.tested.sharing
         return parallel.global_sum(sharing.comm, gap)[sharing.own(self.points)]
 
@@ -166,7 +168,7 @@ class SlidingPieces:
         by the places that shift with displacements, sparse, shape (n, d m); collective.
         """
         along = self.tested.sharing.everywhere(along, self.points)
-        total = np.zeros(1)
+        total: Array = np.zeros(1)
         master = self.tested.master
         normals = master.directions[master.nodes[self.tested.overlap.master]]
         for k, slope in enumerate(self.slope):
@@ -174,41 +176,40 @@ class SlidingPieces:
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
         return self._at_points(means_along(along, self.mean), total)
 
-    def stiffness(
-        self, acting: Array, more: Sequence[tuple[Array, Ints, Ints]] = ()
-    ) -> sp.csr_array:
+    def stiffness(self, acting: Array) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points of this rank, and what
-        shears there change of the forces on the master as places shift, and ``more``, see
-        ``summed``; sparse, shape (d m, d m), the sum over the ranks; ``acting``: both, shape (n, 1
-        + d); collective.
+        shears there change of the forces on the master as places shift, sparse, shape (d m, d m),
+        the sum over the ranks; ``acting``: both, shape (n, 1 + d); collective.
         """
-        count, _, tests = self.tested.weighted.shape
+        tests = self.tested.weighted.shape[2]
+        pair = self.tested.overlap.pair
         dim = self.facing.shape[2]
         everywhere = self.tested.sharing.everywhere(acting, self.points)
-        nodal = (self.mean.T @ everywhere).reshape(count, tests, 1 + dim)
-        acting = self.tested.weighted @ nodal
+        nodal = (self.mean.T @ everywhere).reshape(len(self.blocks), tests, 1 + dim)
+        acting = self.tested.weighted @ nodal[pair]
         forces = acting[..., 0]
         shearing = acting[..., 1:]
         touched = np.flatnonzero(acting.any(axis=(1, 2)))
-        size = dim * self.blocks.shape[1]
-        values = np.zeros((touched.size, size, size))
-        for first in range(0, touched.size, _AT_ONCE):
-            chosen = touched[first : first + _AT_ONCE]
-            values[first : first + chosen.size] = self._second(
-                chosen, forces[chosen], shearing[chosen]
-            )
+        pairs, place = np.unique(pair[touched], return_inverse=True)
+        values = np.zeros((pairs.size, *[dim * self.blocks.shape[1]] * 2))
+
+        def second(chosen: slice) -> Array:
+            pieces = touched[chosen]
+            return self._second(pieces, forces[pieces], shearing[pieces])
+
+        _add(values, place, second)
         kinks = self.kinks
-        passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(
-            len(kinks.share), dim * kinks.share.shape[1]
-        )
-        jumps = -inner(kinks.functions, nodal[kinks.pieces, :, 0])
-        jumping = np.einsum("v,vi,vj->vij", jumps, passing, passing)
-        places = components(self.blocks[touched], dim), components(kinks.blocks, dim)
-        parts = (
-            (part, at[:, :, None], at[:, None])
-            for part, at in zip((values, jumping), places, strict=True)
-        )
-        joint = summed((self.spread.shape[0],) * 2, *parts, *more)
+        jumping = np.flatnonzero(np.isin(kinks.pairs, pairs))
+        jumps = -inner(kinks.functions, nodal[kinks.pairs, :, 0])
+
+        def jump(chosen: slice) -> Array:
+            rows = jumping[chosen]
+            passing = _along(kinks.share[rows, None], kinks.across[rows, None])
+            return np.matmul(passing.swapaxes(1, 2), jumps[rows, None, None] * passing)
+
+        _add(values, np.searchsorted(pairs, kinks.pairs[jumping]), jump)
+        at = components(self.blocks[pairs], dim)
+        joint = summed((self.spread.shape[0],) * 2, values, at[:, :, None], at[:, None])
         return self.spread.T.tocsr() @ joint @ self.spread
 
     def _second(self, pieces: Ints, forces: Array, shears: Array) -> Array:
@@ -217,7 +218,7 @@ class SlidingPieces:
         facing = self.facing[pieces]
         across = self.across[pieces]
         dim = facing.shape[2]
-        size = facing.shape[2] * self.blocks.shape[1]
+        size = dim * self.blocks.shape[1]
         last = size - dim * self.turns.shape[2]
         first = last - dim * self.slope.shape[3]  # of vectors of the master
         half = np.zeros((pieces.size, size, size))
@@ -248,11 +249,12 @@ class SlidingPieces:
         )
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
-        """The matrix of displacements at the points of this rank with these means of integrals,
-        shape (p, i, d c); collective.
+        """The matrix of displacements at the points of this rank with these means of integrals on
+        pieces, shape (p, i, d c); collective.
         """
         columns = components(self.blocks, self.facing.shape[2])
-        rows = mean @ in_rows(entries, columns, self.spread.shape[0])
+        integrals = self.tested.overlap.of_pairs(entries)
+        rows = mean @ in_rows(integrals, columns, self.spread.shape[0])
         return self.tested.sharing.rows(rows, self.points) @ self.spread
 
 
@@ -312,17 +314,15 @@ class Kinks:
     There the derivative of the distance jumps as they pass by.
 
     Attributes:
-        pieces: numbers of pieces with the same functions, shape (v,).
+        pairs: numbers of pairs of facets with the same functions, shape (v,).
         functions: these there, times lengths and the jump, shape (v, t).
-        blocks: the vectors that they pass by with, numbered as those of ``SlidingPieces``, shape
-            (v, c).
-        share: of these, shape (v, c).
+        share: of the vectors of the pair, see ``SlidingPieces``, that they pass by with, shape (v,
+            c).
         across: the direction in which they pass by, of length one, shape (v, d).
     """
 
-    pieces: Ints
+    pairs: Ints
     functions: Array
-    blocks: Ints
     share: Array
     across: Array
 
@@ -333,21 +333,19 @@ class Kinks:
         master = tested.master
         overlap = tested.overlap
         dim = slave.dimension
-        count = len(slave.x)
-        _, pieces = np.unique(overlap.slave * len(master.nodes) + overlap.master, return_index=True)
-        around = master.nodes[overlap.master[pieces]][:, master.functions.vertices]
+        around = master.nodes[overlap.master[overlap.first]][:, master.functions.vertices]
         ends = np.stack([np.roll(around, -k, axis=1) for k in range(dim - 1)], axis=2)
-        pieces = np.repeat(pieces, ends.shape[1])
-        facet = overlap.slave[pieces]
-        partner = overlap.master[pieces]
+        number = np.repeat(np.arange(len(around)), ends.shape[1])
+        facet = overlap.slave[overlap.first][number]
+        partner = overlap.master[overlap.first][number]
         ends = np.sort(ends.reshape(-1, dim - 1), axis=1)
         order = np.lexsort((*ends.T, facet))
         keys = np.column_stack((facet, ends))[order]
         shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
-        pieces = pieces[order[shared]]
+        number = number[order[shared]]
         ends = ends[order[shared]]
         pairs = partner[order[[shared, shared + 1]]]
-        facet = overlap.slave[pieces]
+        facet = facet[order[shared]]
         rows, at, of_end, lengths = (_at_vertices if dim == 2 else _on_edges)(
             slave, projection, facet, master.x[ends]
         )
@@ -386,10 +384,20 @@ class Kinks:
         true = slave.sizes(facet, at[:, None])[:, 0]
         functions = matvec(tested.coefficients[facet], slave.functions.tests.values(at))
         functions *= (jump * lengths * true / np.abs(projected))[:, None]
-        turned = count + len(master.x) + projection.numbers[facet]
-        blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
-        share = np.column_stack((-shape, of_end, -distance[:, None] * turns))
-        return cls(pieces[rows], functions, blocks, share, across)
+        on_master = np.zeros((len(shape), master.nodes.shape[1]))
+        np.put_along_axis(on_master, corner[0], of_end, axis=1)
+        share = np.column_stack((-shape, on_master, -distance[:, None] * turns))
+        number = number[rows]
+        order = np.argsort(number, kind="stable")
+        return cls(number[order], functions[order], share[order], across[order])
+
+
+def _add(values: Array, place: Ints, products: Callable[[slice], Array]) -> None:
+    """Add products, of which some are made at once, to values at these places, ascending."""
+    for first in range(0, place.size, _AT_ONCE):
+        chosen = slice(first, first + _AT_ONCE)
+        met, starts = np.unique(place[chosen], return_index=True)
+        values[met] += np.add.reduceat(products(chosen), starts, axis=0)
 
 
 def _along(factor: Array, vectors: Array) -> Array:
