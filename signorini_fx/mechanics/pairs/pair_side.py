@@ -444,20 +444,15 @@ class Sharing:
             return matrix
         entries = matrix.tocoo()
         to = self.owner[nodes][entries.row]
-        place = np.zeros(nodes.size, dtype=np.int64)  # of each row among those of its rank
-        for rank in range(self.comm.size):
-            at = self.owner[nodes] == rank
-            place[at] = np.arange(np.count_nonzero(at))
         parts = [
-            (place[entries.row[here]], entries.col[here], entries.data[here])
+            (entries.row[here], entries.col[here], entries.data[here])
             for here in (np.flatnonzero(to == rank) for rank in range(self.comm.size))
         ]
-        rows, columns, values = (
-            np.concatenate(entry)
-            for entry in zip(*parallel.exchanged(self.comm, parts), strict=True)
-        )
-        shape = (self.own(nodes).size, matrix.shape[1])
-        return sp.csr_array((values, (rows, columns)), shape=shape)
+        received = zip(*parallel.exchanged(self.comm, parts), strict=True)
+        rows, columns, values = (np.concatenate(entry) for entry in received)
+        own = self.own(nodes)
+        shape = (own.size, matrix.shape[1])
+        return sp.csr_array((values, (np.searchsorted(own, rows), columns)), shape=shape)
 
     def everywhere(self, values: Array, nodes: Ints) -> Array:
         """Return the values of the points at some nodes, shape (n, k), on every rank, from those of
