@@ -89,7 +89,7 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
     check_materials(scene.statement.material)
     check_fits(scene.statement, tagged)
     model = prepare(at_rest(scene.statement), tagged, timings, path_step=-1)
-    refuse_beforehand(model, linear=False)
+    refuse_beforehand(model)
     if model.turned is not None:
         number = next(
             k

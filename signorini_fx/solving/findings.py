@@ -222,7 +222,7 @@ def _inwards(body: Model) -> Iterator[Finding]:
     """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
-    for index, effect in enumerate(body.statement.contacts_at(0)):
+    for index, effect in enumerate(body.statement.contacts_at(-1)):
         if effect.direction is None and effect.surface is None:
             continue
         facets = body.tagged.facets(effect.boundary)
@@ -841,10 +841,9 @@ def _named(body: Model, loose: Sequence[int], names: tuple[str, ...] = ()) -> st
 # --- refusals -------------------------------------------------------------------------------------
 
 
-def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
+def refuse_beforehand(model: Model) -> None:
     """Refuse what no solve begins with, such as a proof by an add-on that is not installed;
-    ``linear``: whether this body is what is solved, and not that of nonlinear materials at small
-    strains; collective.
+    collective.
     """
     if model.mixed is not None and model.mixed.encloses(model.vector, model.prescribed):
         reason = (
@@ -854,15 +853,5 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
         raise SceneError.at("displacement", reason)
     if model.boundary is not None:
         model.first_sets()
-    moving = [k for k, effect in enumerate(model.contacts) if effect.moves]
-    if _moves(model.statement):
-        moving = []
-    if linear and moving and len(model.path.times) > 1 and model.motions.free.shape[1]:
-        wrong = (
-            "the foundation moves with the time, so that supports must hold the body, and not "
-            "contact alone: add supports, or let a force move the foundation (keys force and "
-            "prescribed)"
-        )
-        raise SceneError([(f"contact[{k}].foundation", wrong) for k in moving])
     if model.settings.error_bound:
         add_on("error_bound")  # not after hours
