@@ -252,11 +252,12 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 def _first_loaded(task: Task, start: Start) -> Start:
     """The start of a load step: contact everywhere for bodies that contact alone holds, and does
-    not press on.
+    not press on, where loads push them now.
     """
     # No contact would hold them with the active sets, nor friction with the bound, that they have
     # without a load.
-    if start.step == 0 or task.motions.count == 0 or start.multipliers is None:
+    unloaded = len(task.idle) == len(task.motions.assemblies)
+    if start.step == 0 or unloaded or start.multipliers is None:
         return start
     if parallel.any_rank(task.system.comm, any(tractions.any() for tractions in start.multipliers)):
         return start
