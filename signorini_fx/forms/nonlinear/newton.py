@@ -84,6 +84,7 @@ def newton(
     comm = body.space.mesh.comm
     iterate: Iterate | None = None
     begun = parallel.largest(comm, np.abs(u.x.array))
+    first = farthest = u.x.array.copy()
     residual: Array | None = None
     rests = False
     follows = foundations.moving or any(entry.slides for entry in body.contact)
@@ -110,6 +111,9 @@ def newton(
         if length == 0.0:
             return Verdict(Status.INVERTED, tried=old + increment)
         u.x.array[:] = old + length * increment
+        ways = [parallel.largest(comm, np.abs(at - first)) for at in (u.x.array, farthest)]
+        if ways[0] > ways[1]:
+            farthest = u.x.array.copy()
         moved = length * (solved.rigid - coordinates)
         foundations.carry_to(coordinates + moved)
         change, size = (
@@ -138,6 +142,8 @@ def newton(
                 return verdict
             else:
                 u.x.array[:], residual, keeps, rests = 0.0, None, False, True
+    # On both sides of a limit point in turn: its tangent is asked beyond it.
+    u.x.array[:] = farthest
     return replace(verdict, status=Status.NOT_SOLVED)
 
 
