@@ -142,10 +142,19 @@ class CrushedRing:
             way = (shift[0], -self.share * shift[1], *[0.0] * (self.dim - 2))
             self.problem.place(0, shift=way)
 
-        self.solves = list[int]()
+        self.solves, self.forces = list[int](), list[list[float]]()
+
+        def note(step):
+            self.solves.append(step.linear_solves)
+            self.forces.append(self.pressed())
+
         times = [float(k) for k in range(1, len(ways) + 1)]
-        self.problem.run(times, move, on_step=lambda step: self.solves.append(step.linear_solves))
+        self.problem.run(times, move, on_step=note)
         assert self.problem.certificate.holds
+        return self.forces[-1]
+
+    def pressed(self):
+        """The forces on the upper plate and inside."""
         state = self.problem.state
         forces = state.boundary.weight * state.pressure
         last = state.boundary.part.max()
@@ -218,6 +227,18 @@ def test_a_ring_that_rolls():
     moments = moved[:, 0] * forces[:, 1] - moved[:, 1] * forces[:, 0]
     sums = np.array([*forces.sum(axis=0), moments.sum()])
     assert np.abs(problem.u.function_space.mesh.comm.allreduce(sums)).max() < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cells", "ripple"), [((64, 3), 0.01), ((128, 6), 0.0025)])
+def test_a_ring_that_rolls_has_smooth_forces(cells, ripple):
+    """Over two facets they leave a parabola by so much of their mean."""
+    rolled = CrushedRing(cells, pair=itself(), friction=Coulomb(0.5))
+    ways = 6 * np.pi / cells[0] * np.concatenate([np.arange(1, 5) / 2, 2 + np.arange(1, 17) / 8])
+    rolled.crush((0.4, 1.8, 3.0, 4.0, *[4.4] * 21), (*[0.0] * 5, *ways))
+    for forces in np.transpose(rolled.forces[-16:]):
+        parabola = np.polyval(np.polyfit(ways[-16:], forces, 2), ways[-16:])
+        assert np.abs(forces - parabola).max() < ripple * forces.mean()
 
 
 @pytest.mark.slow

@@ -1,5 +1,5 @@
-"""Everyday problems of rubber and metal after examples of felupe and CalculiX, each small: solved,
-or ended by the outcome that it has; with what is known of them.
+"""Everyday problems after examples of felupe and CalculiX, each small: solved, or ended by the
+outcome that it has; with what is known of them.
 """
 
 import numpy as np
@@ -8,6 +8,8 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from signorini_fx import Status
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
@@ -22,17 +24,24 @@ AUTO = {"element": {"volumetric": "auto"}}
 
 
 def bent(cells, low, high, place=None):
-    """A rectangle of quadrilaterals with its four sides, moved by a function of x and y."""
-    mesh = dmesh.create_rectangle(
-        MPI.COMM_SELF, [low, high], list(cells), dmesh.CellType.quadrilateral
-    )
-    ends = {"left": (0, low), "right": (0, high), "bottom": (1, low), "top": (1, high)}
+    """A rectangle of quadrilaterals, or a box of hexahedra, with its sides, moved by a function of
+    the coordinates.
+    """
+    dim = len(cells)
+    names = [("left", "right"), *[("front", "back")] * (dim - 2), ("bottom", "top")]
+    make, cell = dmesh.create_rectangle, dmesh.CellType.quadrilateral
+    if dim == 3:
+        make, cell = dmesh.create_box, dmesh.CellType.hexahedron
+    mesh = make(MPI.COMM_SELF, [low, high], list(cells), cell)
     sides = {
-        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, k=k, at=at: np.isclose(x[k], at[k]))
-        for name, (k, at) in ends.items()
+        name: dmesh.locate_entities_boundary(
+            mesh, dim - 1, lambda x, k=k, at=at: np.isclose(x[k], at[k])
+        )
+        for k, pair in enumerate(names)
+        for name, at in zip(pair, (low, high), strict=True)
     }
     if place is not None:
-        mesh.geometry.x[:, :2] = np.column_stack(place(*mesh.geometry.x[:, :2].T.copy()))
+        mesh.geometry.x[:, :dim] = np.column_stack(place(*mesh.geometry.x[:, :dim].T.copy()))
     return tagged_mesh(mesh, sides)
 
 
@@ -75,7 +84,14 @@ BARB += [[1.05, -3.5]]
 NOSE = [[0.0, -0.32], *quarter((4.6, -0.32), 0.5, 180, 0, 13), [9.0, -0.32]]
 PUNCH = [[10.0, 30.0], *quarter((7.0, 4.0), 3.0, 0, -90), [-1.0, 1.0]]
 DIE = [[11.5, -30.0], *quarter((14.5, -3.0), 3.0, 180, 90), [40.0, 0.0]]
+SLOPE, GROOVE_SLOPE, DIE_SLOPE, TAPER = np.tan(np.radians([15.0, 17.0, 8.0, 2.864789]))
+CONE = [[1.2, -0.3 / DIE_SLOPE], *quarter((2.9, 0.14), 2.0, 188, 180, 5)]
+CONE += quarter((1.2, 0.34), 0.3, 180, 100, 7)
 CLAMPED = [fixed("left"), {"boundary": "right", "x": "-0.012*t", "y": 0.0}]
+BELT = {"boundary": "bottom", "foundation": plane_shape([0.0, 0.0], [0.0, 1.0])}
+BELT["foundation"]["shift"] = ["0.1*t", "0"]
+BELT["friction"] = {"law": "stribeck", "coefficient": 0.4, "kinetic": 0.2, "speed": 0.05}
+PULLED = {"springs": {"boundary": "left", "x": 2.0}, "traction": {"boundary": "top", "y": -1.0}}
 WALLS = [
     rough("top", plane_shape([0.0, 0.02], [0.0, -1.0]), 0),
     rough("bottom", plane_shape([0.0, -0.02], [0.0, 1.0]), 0),
@@ -264,8 +280,242 @@ PROBLEMS = {
         ],
         ([1.0, 2.0, 4.0], 8, AUTO),
     ),
+    "crossed wires": lambda: (
+        bent(
+            (12, 12, 10),
+            [0.0, 0.0, 0.0],
+            [1.0, 1.0, 1.0],
+            lambda x, y, z: (
+                0.6 * x**1.6,
+                0.6 * y**1.6,
+                -0.18 * y**3.2 * z - 0.6 * (1 - z) ** 1.6,
+            ),
+        ),
+        {"young": 1.0, "poisson": 0.3},
+        [fixed("bottom", "xyz"), fixed("left", "x"), fixed("front", "y")],
+        [
+            {
+                "boundary": "top",
+                "foundation": {"shape": "cylinder", "centre": [0.0, 0.0, 0.97], "radius": 1.0}
+                | {"axis": [0.0, 1.0, 0.0]},
+            }
+        ],
+        ([1.0], None, {}),
+    ),
+    "disc spring": lambda: (
+        bent((12, 2), [12.7, 0.0], [25.0, 2.0], lambda x, y: (x, y + 1.4 * (25 - x) / 12.3)),
+        STIFF | ROUND | {"young": 206000.0, "poisson": 0.3},
+        [],
+        [
+            rough("bottom", plane_shape([0.0, 0.0], [0.0, 1.0]), 0),
+            rough("top", plane_shape([0.0, 3.4], [0.0, -1.0]) | {"shift": [0.0, "-1.05*t"]}, 0),
+        ],
+        ([1.0], 6, {"element": {"degree": 2}}),
+    ),
+    "leaf springs": lambda: (
+        [
+            ("upper", bent((27, 1), [0.0, 0.0], [9.0, 0.2])),
+            ("lower", bent((18, 1), [0.0, -0.2], [6.0, 0.0])),
+        ],
+        STIFF | {"young": 1e4},
+        [
+            fixed("upper.left"),
+            fixed("lower.left"),
+            {"boundary": "upper.right", "y": "-0.1*t"},
+        ],
+        [{"boundary": "upper.bottom", "against": "lower.top"}],
+        ([1.0], 1, {"element": {"degree": 2}}),
+    ),
+    "wedge under a block": lambda: (
+        [
+            ("wedge", bent((12, 3), [0, 0], [3, 1], lambda x, y: (x, y * (0.5 + x * SLOPE)))),
+            (
+                "block",
+                bent(
+                    (8, 4),
+                    [0.5, 0.0],
+                    [2.5, 1.0],
+                    lambda x, y: (x, (1 - y) * (0.5 + x * SLOPE) + 2 * y),
+                ),
+            ),
+        ],
+        {"young": 1e4, "poisson": 0.3},
+        [
+            fixed("block.left", "x"),
+            fixed("block.right", "x"),
+            {"boundary": "wedge.right", "x": "-0.02*min(t,2-t)"},
+        ],
+        [
+            {"boundary": "block.bottom", "against": "wedge.top"}
+            | {"friction": coulomb_friction(0.1)},
+            {"boundary": "wedge.bottom", "friction": coulomb_friction(0.1)},
+        ],
+        ([1.0, 2.0], 2, {"traction": [{"boundary": "block.top", "y": -1.0}]}),
+    ),
+    "v-belt in its groove": lambda: (
+        bent((12, 8), [-1.0, 0.0], [1.0, 1.0], lambda x, y: (x * (0.6 + y * GROOVE_SLOPE), y)),
+        RUBBER,
+        [],
+        [
+            rough("right", plane_shape([0.6, 0.0], [-1.0, GROOVE_SLOPE]), 0.4),
+            rough("left", plane_shape([-0.6, 0.0], [1.0, GROOVE_SLOPE]), 0.4),
+        ],
+        ([1.0, 2.0], 6, AUTO | {"traction": [{"boundary": "top", "y": "-0.15*min(t,2-t)"}]}),
+    ),
+    "tube expanded into a plate": lambda: (
+        [
+            ("tube", bent((4, 1), [9.0, 0.0], [10.0, 0.5])),
+            ("plate", bent((16, 1), [10.05, 0.0], [30.0, 0.5])),
+        ],
+        [
+            METAL
+            | ROUND
+            | {"young": 2e5, "yield_stress": 250.0, "hardening": 1000.0}
+            | {"region": "tube", "strains": "small"},
+            {"young": 2e5, "poisson": 0.3, "region": "plate"} | ROUND,
+        ],
+        [fixed(f"{body}.{side}", "y") for body in ("tube", "plate") for side in ("bottom", "top")],
+        [{"boundary": "tube.right", "against": "plate.left"}],
+        (
+            [1.0, 2.0],
+            5,
+            {"traction": [{"boundary": "tube.left", "pressure": "200*min(t,2-t)"}]},
+        ),
+    ),
+    "wire drawn through a die": lambda: (
+        bent(
+            (3, 20),
+            [0.0, -2.1],
+            [1.0, 0.4],
+            lambda x, y: (x * np.clip(0.9 - y * DIE_SLOPE, 0.9, 1.0), y),
+        ),
+        METAL | ROUND | {"hardening": 0.01},
+        [fixed("left", "x"), {"boundary": "top", "y": "0.8*t"}],
+        [rough("right", polyline(CONE), 0.05)],
+        ([1.0], 12, AUTO),
+    ),
+    "plug in a socket": lambda: (
+        bent(
+            (4, 4, 6),
+            [0.0, 0.0, 0.0],
+            [1.0, 1.0, 1.0],
+            lambda x, y, z: (x * (0.5 + z * TAPER), y * (0.5 + z * TAPER), z),
+        ),
+        RUBBER | {"poisson": 0.4},
+        [fixed("left", "x"), fixed("front", "y"), fixed("top", "z")],
+        [
+            rough(
+                side,
+                plane_shape([0.5 * x, 0.5 * y, 0.0], [-x, -y, TAPER])
+                | {"shift": [0.0, 0.0, "0.1*t"]},
+                0.1,
+            )
+            for side, x, y in (("right", 1.0, 0.0), ("back", 0.0, 1.0))
+        ],
+        ([1.0], 1, {}),
+    ),
+    "roller on a layer": lambda: (
+        bent((48, 4), [0.0, 0.0], [3.0, 0.25]),
+        RUBBER,
+        [fixed("bottom")],
+        [
+            rough(
+                "top",
+                circle_shape([0.8, 0.75], 0.5)
+                | {"pivot": [0.8, 0.75], "force": [0.0, "-0.1*min(t,1)"]}
+                | {"prescribed": {"x": "1.2*max(t-1,0)"}},
+                0.6,
+            )
+        ],
+        ([1.0, 2.0], 8, AUTO),
+    ),
+    "bush pushed along its sleeve": lambda: (
+        bent((6, 24), [0.5, 0.0], [1.0, 3.0]),
+        RUBBER | ROUND,
+        [fixed("left", "x") | {"y": "0.1*max(t-1,0)"}],
+        [
+            rough(
+                "right",
+                plane_shape([1.0, 0.0], [-1.0, 0.0]) | {"shift": ["-0.02*min(t,1)", 0.0]},
+                1.0,
+            )
+        ],
+        ([1.0, 2.0], 2, AUTO),
+    ),
+    "hub turned on a shaft": lambda: (
+        bent((8, 14), [10.0, 0.0], [20.0, 20.0]),
+        {"young": 2e5, "poisson": 0.3, "torsion": True} | ROUND,
+        [fixed("bottom", "y"), {"boundary": "right", "z": "0.02*max(t-1,0)"}],
+        [{"boundary": "left", "gap": -0.005, "friction": coulomb_friction(0.2)}],
+        ([1.0, 2.0], None, {"element": {"degree": 2}}),
+    ),
+    "pipe clip": lambda: (
+        bent((40, 2), [0.0, 0.0], [1.0, 0.15], arc((-np.pi / 2, np.radians(40)))),
+        STIFF | {"young": 1e3, "poisson": 0.3},
+        [fixed("left")],
+        [
+            rough(side, circle_shape([0.0, 1.286], 1.0) | {"shift": [0.0, "-1.28*t"]}, 0)
+            for side in ("bottom", "right")
+        ],
+        ([1.0], 32, {"element": {"degree": 2}}),
+    ),
+    "block on a belt": lambda: (
+        rectangle_mesh(4, 2, length=2.0),
+        {"young": 1e3, "poisson": 0.3},
+        [],
+        [BELT],
+        (np.linspace(0.25, 5.0, 20).tolist(), None, PULLED),
+    ),
+    "block on a belt with inertia": lambda: (
+        rectangle_mesh(2, 1, length=2.0),
+        {"young": 1e3, "poisson": 0.3, "density": 1.0},
+        [],
+        [BELT],
+        (np.linspace(0.25, 9.0, 36).tolist(), None, PULLED | {"inertia": {"time_step": 0.125}}),
+    ),
+    "gasket under a flange": lambda: (
+        bent((16, 6), [1.0, 0.0], [3.0, 0.5]),
+        RUBBER | {"isochoric": True, "poisson": 0.499},
+        [],
+        [
+            rough("bottom", plane_shape([0.0, 0.0], [0.0, 1.0]), 0.4),
+            rough(
+                "top",
+                plane_shape([0.0, 0.5], [0.0, -1.0])
+                | {"force": [0.0, "-min(t,1)"], "prescribed": {"x": 0.0, "rotation": 0.0}},
+                0.4,
+            ),
+        ],
+        (
+            [1.0, 2.0],
+            8,
+            AUTO | {"traction": [{"boundary": "left", "pressure": "3*max(t-1,0)"}]},
+        ),
+    ),
+    "balloon": lambda: (
+        bent((24, 1), [0.0, 0.0], [1.0, 0.02], arc((0.0, np.pi / 2))),
+        RUBBER | ROUND,
+        [fixed("left", "y"), fixed("right", "x")],
+        [rough("top", plane_shape([0.0, 1.5], [0.0, -1.0]), 0)],
+        (
+            [1.0],
+            8,
+            AUTO | {"traction": [{"boundary": "bottom", "pressure": "0.012*t"}]},
+        ),
+    ),
 }
-OUTCOMES = {"strip between walls": Status.UNSTABLE}
+OUTCOMES = {
+    "strip between walls": Status.UNSTABLE,
+    "block on a belt": Status.JUMPS,
+    "gasket under a flange": Status.LIMIT,
+    "balloon": Status.LIMIT,
+}
+
+
+def on_support(solution, boundary, place=-1):
+    """The force on a support in a step."""
+    rows = solution.at(solution.steps[place]).resultants.as_rows()
+    return next(row["force"] for row in rows if row["boundary"] == boundary)
 
 
 def column_loads(solution):
@@ -273,9 +523,8 @@ def column_loads(solution):
     buckles between clamps one apart, and the number of its nodes that touch a wall.
     """
     found = []
-    for step in solution.steps:
-        rows = solution.at(step).resultants.as_rows()
-        force = next(row["force"][0] for row in rows if row["boundary"] == "right")
+    for place, step in enumerate(solution.steps):
+        force = on_support(solution, "right", place)[0]
         load = -force / (4 * np.pi**2 * 1e6 * 0.01**3 / 12)
         found.append((load, np.count_nonzero(step.contact.in_contact)))
     return found
@@ -321,7 +570,186 @@ def check_half_strip(solution):
     assert loads[-1] - loads[-5] < 1e-2 < loads[12] - loads[8]
 
 
+def check_cup(solution):
+    """The rim is pressed around the axis alone, so that its thickness is t sqrt(R0 / R), and the
+    force is that of a membrane of rigid rings that are drawn in, bent and unbent over the die.
+    """
+    space = solution.displacement.function_space
+    moved = space.tabulate_dof_coordinates()[:, :2]
+    rim = np.isclose(moved[:, 0], 20.0)
+    moved = moved + solution.displacement.x.array.reshape(-1, 2)
+    thickness, outer = np.hypot(*np.ptp(moved[rim], axis=0)), moved[rim, 0].mean()
+    assert thickness == pytest.approx(np.sqrt(20 / outer), rel=1e-3)
+    angle = brentq(lambda a: 7.5 * np.sin(a) + (7 - 6) * np.cos(a) - 7, 0.5, 1.2)
+    radius = np.linspace(outer, 14.5, 1001)
+    strained = np.log(np.sqrt(400 - outer**2 + radius**2) / radius)
+    flow = 0.3 + 0.5 * strained
+    bend = (flow[-1] + 0.5 / 14) / 14
+    end = 14.5 - 3.5 * np.sin(angle)
+    stress = bend + np.trapezoid(flow / radius, -radius)
+    drawn = flow[-1] * np.log(14.5 / end)
+    stress = bend + drawn + stress * np.exp(0.05 * angle)
+    punch = -solution.contact.forces_of_each[0, :, 1].sum()
+    assert punch == pytest.approx(2 * np.pi * end * stress * np.sin(angle), rel=0.05)
+
+
+def check_wires(solution):
+    """Hertz's largest pressure: crossed cylinders of equal radii touch as a sphere and a plane."""
+    force = -4 * solution.contact.forces[0][2]
+    wanted = (6 * force / 0.91**2 / np.pi**3) ** (1 / 3)
+    assert solution.contact.pressure.max() == pytest.approx(wanted, rel=0.04)
+
+
+def check_disc_spring(solution):
+    """Almen and Laszlo, Trans. ASME 58 (1936) 305-314, whose section is free to grow across: with E
+    for E / (1 - nu^2) (G. Curti, M. Orlando, Wire 28 (1979) 199-204).
+    """
+    ratio, height = 25 / 12.7, 1.4 / 2
+    shape = ((ratio - 1) / ratio) ** 2 / ((ratio + 1) / (ratio - 1) - 2 / np.log(ratio)) / np.pi
+    for number, step in enumerate(solution.steps, 1):
+        way = 1.05 / 2 * number / 6
+        bent = (height - way) * (height - way / 2) + 1
+        wanted = 4 * 206000 * 2.0**4 / (shape * 50**2) * way * bent
+        forces = step.contact.forces_of_each[:, 0, 1]
+        assert forces == pytest.approx([wanted, -wanted], rel=0.015)
+
+
+def check_leaves(solution):
+    """Beams that touch at the end of the shorter one alone."""
+    wanted = 0.1 * 1e4 * 0.2**3 / 12 / (9**3 / 3 - 126**2 / 144)
+    assert -on_support(solution, "upper.right")[1] == pytest.approx(wanted, rel=0.015)
+
+
+def check_wedge(solution):
+    """Both faces slide under the load of 2, inwards and out again."""
+    angle, friction = np.arctan([SLOPE, 0.1])
+    for place, sign in ((1, 1), (-1, -1)):
+        wanted = 2 * (np.tan(sign * angle + friction) + np.tan(friction))
+        force = on_support(solution, "wedge.right", place)[0]
+        assert -sign * force == pytest.approx(wanted, rel=1e-8)
+
+
+def check_v_belt(solution):
+    """It stays wedged when it is let go: the walls push it out, and friction holds it."""
+    for normal, friction in np.linalg.norm(solution.contact.forces_of_each, axis=2):
+        assert normal > 0.02
+        assert friction == pytest.approx(GROOVE_SLOPE * normal, rel=1e-6)
+
+
+def check_tube(solution):
+    """Relief is elastic: the pressure falls by that of Lame for both as one."""
+    before, after = (solution.steps[place].contact.pressure.mean() for place in (4, -1))
+    assert before - after == pytest.approx(200 * 81 / (900 - 81) * (900 / 100 - 1), rel=1e-3)
+    assert after > 0
+
+
+def check_wire(solution):
+    """The stress of drawing is between that without redundant work and that of Siebel, with it."""
+    angle = np.radians(8.0)
+    least = 0.3 * np.log(1 / 0.81) * (1 + 0.05 / angle)
+    forces = [on_support(solution, "top", place)[1] for place in range(6, 12)]
+    assert least < np.mean(forces) / (np.pi * 0.81) < least + 0.3 * 2 / 3 * angle
+
+
+def check_plug(solution):
+    """Statics of walls along which all slides, and their force by Janssen's formula."""
+    forces = solution.contact.forces_of_each
+    normal = np.linalg.norm(forces[:, 0], axis=1).sum()
+    push = on_support(solution, "top")[2]
+    assert -push == pytest.approx(normal * (TAPER + 0.1) / np.hypot(1, TAPER), rel=2e-3)
+    growth = 4 * (0.1 + TAPER) * 0.4 / 0.6
+    wanted = 0.1 * TAPER / 0.5 / 0.6 * np.expm1(growth) / growth
+    assert normal == pytest.approx(wanted, rel=0.1)
+
+
+def check_roller(solution):
+    """Rolling takes no work, so that no force drives it."""
+    for step in solution.steps[8:]:
+        along, across = np.sum(step.contact.forces, axis=0)
+        assert across == pytest.approx(-0.1, rel=1e-6)
+        assert abs(along) < 0.01 * 0.1
+
+
+def check_bush(solution):
+    """A sleeve of rubber in shear along its axis."""
+    wanted = 2 * np.pi / 2.9 * 3 * 0.1 / np.log(2)
+    assert on_support(solution, "left")[1] == pytest.approx(wanted, rel=0.05)
+
+
+def check_hub(solution):
+    """Lame's pressure on a rigid shaft, all of which slips."""
+    pressure = 0.005 * 2e5 / 10 / (500 / 300 + 0.3)
+    torque = abs(solution.contact.moments[1][1])
+    assert torque == pytest.approx(2 * np.pi * 100 * 20 * 0.2 * pressure, rel=0.02)
+
+
+def check_clip(solution):
+    """It is pushed on and pulls itself on further, and gives back all that it has stored."""
+    forces = [np.sum(step.contact.forces, axis=0)[1] for step in solution.steps]
+    work = np.cumsum(np.convolve([0.0, *forces], [0.5, 0.5], "valid"))
+    assert not solution.findings
+    assert max(forces) > 0 > min(forces)
+    assert abs(work[-1]) < 0.02 * np.abs(work).max()
+
+
+def check_belt_of_a_block(solution):
+    """It is carried until it is about to slide with all of its weight."""
+    force = solution.steps[-2].contact.forces[1][0]
+    assert 0.8 - 0.1 < force < 0.8
+
+
+def check_belt_with_inertia(solution):
+    """A point on a spring that sticks and slips."""
+
+    def rates(_, state):
+        slip = 0.1 - state[1]
+        friction = 2 * (0.2 + 0.2 * np.exp(-((slip / 0.05) ** 2))) * np.tanh(slip / 1e-4)
+        return state[1], friction / 2 - state[0]
+
+    times = [step.time for step in solution.steps]
+    known = solve_ivp(rates, (0, 9), (0, 0), t_eval=times, method="LSODA", max_step=0.02)
+    way = [step.displacement.x.array.reshape(-1, 2)[:, 0].mean() for step in solution.steps]
+    assert way == pytest.approx(known.y[0], abs=0.05 * known.y[0].max())
+
+
+def check_gasket(solution):
+    """It is blown out where friction on both sides is less than the pressure on its height."""
+    step = solution.steps[-1]
+    height = 0.5 + step.rigid_bodies[0].translation[1]
+    push = 3 * (step.time - 1) * height
+    assert push == pytest.approx(2 * 0.4 * 1.0, rel=0.01)
+
+
+def check_balloon(solution):
+    """The largest pressure of a thin sphere, of this energy."""
+    mu, lame = 1 / 2.9, 0.45 / 1.45 / 0.1
+    stretch = np.linspace(1.2, 1.6, 401)
+    thinning = [
+        brentq(lambda a, b=b: mu * (a * a - 1) + lame * np.log(a * b * b), 0.1, 1) for b in stretch
+    ]
+    hoop = (mu * (stretch**2 - 1) + lame * np.log(thinning * stretch**2)) / stretch
+    largest = np.max(2 * 0.02 * hoop / stretch**2)
+    assert 0.012 * solution.steps[-1].time == pytest.approx(largest, rel=0.02)
+
+
 CHECKS = {
+    "cup": check_cup,
+    "crossed wires": check_wires,
+    "disc spring": check_disc_spring,
+    "leaf springs": check_leaves,
+    "wedge under a block": check_wedge,
+    "v-belt in its groove": check_v_belt,
+    "tube expanded into a plate": check_tube,
+    "wire drawn through a die": check_wire,
+    "plug in a socket": check_plug,
+    "roller on a layer": check_roller,
+    "bush pushed along its sleeve": check_bush,
+    "hub turned on a shaft": check_hub,
+    "pipe clip": check_clip,
+    "block on a belt": check_belt_of_a_block,
+    "block on a belt with inertia": check_belt_with_inertia,
+    "gasket under a flange": check_gasket,
+    "balloon": check_balloon,
     "ball into metal and out": check_dent,
     "hook": check_sliding,
     "belt": check_belt,
@@ -337,7 +765,9 @@ CHECKS = {
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_everyday_problems(name):
     mesh, material, displacement, contact, (times, steps, further) = PROBLEMS[name]()
-    scene = {"mesh": mesh, "material": material, "displacement": displacement, "contact": contact}
+    scene = {"material": material, "displacement": displacement, "contact": contact}
+    bodies = [{"name": body, "mesh": own} for body, own in mesh] if isinstance(mesh, list) else []
+    scene |= {"body": bodies} if bodies else {"mesh": mesh}
     scene |= {"load_steps": {"times": times, "steps": steps}} | further
     solution = alone(parse_scene(scene), check=False)
     assert solution.status is OUTCOMES.get(name, Status.CONVERGED)
