@@ -52,7 +52,7 @@ from signorini_fx.mechanics.step_effect import StepEffect, effects_of_contact
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.solving.frames import Posed, guess_of
+from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
 
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
@@ -467,8 +467,7 @@ def solve_now(solver: FormSolver) -> str:
             from signorini_fx.solving.meshed_problem import carry_over
 
             solver.update()
-            sets, multipliers = carry_over(solver.coarser_state, solver.boundary)
-            guess = guess_of(sets, multipliers, solver.boundary, solver.begin)
+            guess = carry_over(solver.coarser_state, solver.boundary, solver.begin)
         new, report = step(solver, solver.begin, float(number), guess=guess)
         assert isinstance(report, Report)  # as of all linear bodies
         solver.show_step(new, report)

@@ -697,12 +697,14 @@ class Model:
             load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load
         )
 
-    def loads_at(self, step: float) -> Loads:
-        """Return the applied loads at a place, times their factors; collective."""
+    def loads_at(self, step: float, *, pushing: bool = False) -> Loads:
+        """Return the applied loads at a place, times their factors, or of the forces those that are
+        ``pushing``; collective.
+        """
         forces = np.zeros(self.fixed.size)
         prescribed = np.zeros_like(fem.Function(self.space).x.array)
         for factor, load in self.applied_at(step):
-            forces += factor * load.forces
+            forces += factor * (load.pushing if pushing else load.forces)
             prescribed += factor * load.prescribed.x.array
         return Loads(forces, prescribed)
 

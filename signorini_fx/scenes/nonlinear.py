@@ -282,15 +282,10 @@ class ProblemOfScene(NonlinearContactProblem):
         if held is not self.model:
             self.model = held
             self._held, self.linear.bcs = _conditions(held)
-        forces = np.zeros(self.model.fixed.size)
-        values = np.zeros_like(self.u.x.array)
-        for factor, load in self.model.applied_at(path_step):
-            if not load.balanced:  # initial strains are in the residual
-                forces += factor * load.forces
-            values += factor * load.prescribed.x.array
-        self.linear.evaluated.loads = forces
+        loads = self.model.loads_at(path_step, pushing=True)  # initial strains are in the residual
+        self.linear.evaluated.loads = loads.forces
         self.body.move_to(path_step)
-        self._held.x.array[:] = values
+        self._held.x.array[:] = loads.prescribed
         self._move(self.statement.contacts_at(path_step))
         for number, shape in _drives_at(
             self.statement, self.model.tagged.dimension, path_step

@@ -330,14 +330,10 @@ def _largest_loads(body: Model) -> tuple[float, float]:
 
 def _loads_at(body: Model, step: int) -> tuple[Array, Array]:
     """Prescribed displacements and nodal loads of a load step, of the owned nodes, shape (n, d)."""
-    applied = body.applied_at(step)
+    loads = body.loads_at(step, pushing=True)
     dim = body.space.dofmap.bs
-    start = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
-    forces = sum(
-        (factor * load.forces for factor, load in applied if not load.balanced),
-        np.zeros(body.fixed.size),
-    )
-    return np.reshape(start, (-1, dim)), np.reshape(forces, (-1, dim))
+    start = loads.prescribed[: loads.forces.size]
+    return start.reshape(-1, dim), loads.forces.reshape(-1, dim)
 
 
 # --- friction -------------------------------------------------------------------------------------

@@ -312,18 +312,6 @@ def contact_values(
     )
 
 
-def guess_of(
-    sets: ActiveSets, multipliers: tuple[Array, Array], boundary: ContactBoundary, state: State
-) -> State:
-    """The start of the step after a state with sets and (lambda, mu) that something else says of
-    it.
-    """
-    pressure, shear = multipliers
-    vectors = vectors_of(shear, boundary.tangents)
-    contact = contact_values(boundary, sets, pressure, vectors, np.zeros_like(vectors))
-    return replace(state, number=state.number + 1, displacement=np.zeros(0), contact=contact)
-
-
 def in_frames(
     values: ContactValues, rotation: Array, boundary: ContactBoundary
 ) -> tuple[ActiveSets, tuple[Array, Array]]:

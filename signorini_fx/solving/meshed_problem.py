@@ -15,16 +15,16 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.linalg.petsc_calls import memory_ended
-from signorini_fx.arrays import Array, Column, length, matvec, quotient, rmatvec, unit
+from signorini_fx.arrays import Array, Column, length, matvec, quotient
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
+from signorini_fx.mechanics.state import ContactValues, State
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import ACCURACY, OF_THE_BODY, History, Status
 from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
@@ -311,16 +311,14 @@ def solve_nested(
     return replace(solution, levels=tuple(levels), convergence_table=tuple(prices))
 
 
-def carry_over(
-    coarse: ContactState, fine: ContactBoundary
-) -> tuple[ActiveSets, tuple[Array, Array]]:
-    """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes;
-    collective.
+def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> State:
+    """The guess of the step after a state that the nearest nodes of a coarser mesh make for those
+    of a finer one; collective.
     """
     boundary = coarse.boundary
     tangents = boundary.tangents
     # Directions and shears as vectors in 3D, because the tangents of neighbours need not agree.
-    state: list[Column] = [
+    columns: list[Column] = [
         boundary.part,
         boundary.x,
         coarse.in_contact,
@@ -332,7 +330,7 @@ def carry_over(
         boundary.normal,
     ]
     dim = boundary.x.shape[1]
-    rows = parallel.gather_rows(boundary.comm, np.column_stack(state)[boundary.at_nodes])
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(columns)[boundary.at_nodes])
     # Of neighbours at the same distance the search takes those that come first: in no order of the
     # ranks.
     rows = rows[np.lexsort(rows[:, dim::-1].T)]
@@ -358,9 +356,9 @@ def carry_over(
             else 1.0
         )
         near = (distance <= MIDDLE_RATIO * distance[:, :1]) | (np.arange(count) == 0)
-        columns = np.cumsum((1, 1, dim, dim, 1, 1))
+        ends = np.cumsum((1, 1, dim, dim, 1, 1))
         touching, load, sliding, sheared, slipped, bound, normal = np.split(
-            coarse_rows[nearest][:, :, 1 + dim :], columns, axis=2
+            coarse_rows[nearest][:, :, 1 + dim :], ends, axis=2
         )
         # Between two bodies the points may have changed sides, and what one does to the other has
         # the other sign.
@@ -377,7 +375,7 @@ def carry_over(
         bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
         far, shear_bound = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
         turning[on_part] = quotient(shear_bound, far)
-    turned = rmatvec(fine.cotangents, direction)
-    slip = length(turned) > 0
-    sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0), turning)
-    return sets, (pressure, rmatvec(fine.cotangents, shear))
+    of_points = fine.nodes.copy(), fine.part.copy(), fine.normal.copy()
+    elastic = np.zeros_like(shear)
+    values = ContactValues(*of_points, pressure, shear, elastic, contact, direction, turning)
+    return replace(state, number=state.number + 1, displacement=np.zeros(0), contact=values)

@@ -43,7 +43,7 @@ from signorini_fx.solving.findings import (
     slid_at_corners,
     untouched,
 )
-from signorini_fx.solving.frames import Posed, guess_of
+from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.step import (
@@ -159,7 +159,7 @@ def solve_contact(
     if contact is not None and model.boundary is not None:
         from signorini_fx.solving.meshed_problem import carry_over
 
-        guess = guess_of(*carry_over(contact, model.boundary), model.boundary, begin)
+        guess = carry_over(contact, model.boundary, begin)
     if near is not None:
         guess = replace(guess or replace(begin, number=1), displacement=near)
     way = Increments(problem.path, model.settings)

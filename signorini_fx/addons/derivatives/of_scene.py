@@ -397,12 +397,8 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
 
 
 def _loads(model: Model, load_step: float) -> dict[str, Any]:
-    applied = model.applied_at(load_step)
-    zero = np.zeros(model.fixed.size)
-    return {
-        "forces": sum((factor * load.forces for factor, load in applied), zero),
-        "prescribed": sum((factor * load.start for factor, load in applied), zero),
-    }
+    loads = model.loads_at(load_step)
+    return {"forces": loads.forces, "prescribed": loads.prescribed[: loads.forces.size]}
 
 
 # --- scenes with nonlinear materials --------------------------------------------------------------
@@ -522,16 +518,7 @@ class _ChangedScene:
     def values(self, path_step: float) -> Array:
         """The prescribed displacements at the owned dofs; collective."""
         model = held_at(self._problem.model if self._model is None else self._model, path_step)
-        zero = np.zeros(model.fixed.size)
-        return np.asarray(
-            sum(
-                (
-                    factor * load.prescribed.x.array[: zero.size]
-                    for factor, load in model.applied_at(path_step)
-                ),
-                zero,
-            )
-        )
+        return model.loads_at(path_step).prescribed[: model.fixed.size]
 
     def before(self, step: _LinearisedStep) -> ChangedStep:
         """The load step before with that number; collective."""

@@ -95,12 +95,6 @@ class AppliedLoad:
         """
         return np.zeros_like(self.forces) if self.balanced else self.forces
 
-    @property
-    def start(self) -> Array:
-        """The prescribed displacements at the owned dofs, shape (owned dofs,)."""
-        values: Array = self.prescribed.x.array[: self.forces.size]
-        return values
-
 
 @dataclass(frozen=True)
 class FormCoefficients:
@@ -471,7 +465,8 @@ def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
     )
     acting = [load.forces if load.pressure_load is None else load.pressure_load for load in loads]
     if parallel.any_rank(
-        comm, not all((np.abs(load.start) <= LARGEST_NUMBER).all() for load in loads)
+        comm,
+        not all((np.abs(load.prescribed.x.array) <= LARGEST_NUMBER).all() for load in loads),
     ):
         problems.append(("displacement", where))
     elif parallel.any_rank(

@@ -77,7 +77,7 @@ def estimate_errors(
         squares = mechanics.recovery.squares(displacement, step)
     if parallel.any_rank(model.comm, missed):
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
-        forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
+        forces = model.loads_at(step, pushing=True).forces
         missed /= max(parallel.total(model.comm, np.abs(forces)), pressed)
     return combined(model, table, squares, energy, model.kinematics, missed)
 
