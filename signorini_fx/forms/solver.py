@@ -15,10 +15,7 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.algebra.algorithms.task import Start, Task
-from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
 from signorini_fx.arrays import Array, Flags, Indices
@@ -310,7 +307,8 @@ class FormSolver(BodyOfForms):
             assert body.data is not None
             resting = self.task.rest
             data = body.data if resting is None else resting.data_from(body.data)
-            return Posed(body, self.task, first_start(data, body.law), placed, drift)
+            first = replace(self.task.start, data=data, law=body.law, factors=np.ones(1))
+            return Posed(body, self.task, first, placed, drift)
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
@@ -477,12 +475,6 @@ def solve_now(solver: FormSolver) -> str:
     reason = report.result.reason
     advice = status.advice if reason is None else f"{reason.path}: {reason.message}"
     return f"{status.value}: {advice}"
-
-
-def first_start(data: RegularisedData, law: PointFriction | None) -> Start:
-    """Return the start of a contact problem of forms after nothing else."""
-    sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
-    return Start(data, law, 0.0 * data.mu_hat, sets, iteration=0, factors=np.ones(1))
 
 
 def with_modulus(

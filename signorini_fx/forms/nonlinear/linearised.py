@@ -47,7 +47,6 @@ from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
 from signorini_fx.forms.solver import (
     BodyOfForms,
     case_of,
-    first_start,
     options_applied,
     with_modulus,
 )
@@ -663,14 +662,14 @@ class NonlinearBody(BodyOfForms):
         elastic = with_modulus(elastic, boundary, natural, foundations.facets)
         case, iterate = self._case(elastic, iterate, rigid.driven(), prescribed)
         data = foundations.data(shapes)
-        problem = foundations.problem(boundary, data, self.settings, elastic.scales)
-        elastic = replace(elastic, rigid=rigid, data=problem[0], law=problem[1])
+        given, law = foundations.problem(boundary, data, self.settings, elastic.scales)
+        elastic = replace(elastic, rigid=rigid, data=given, law=law)
         task = elastic.task([case], np.ones(1), history=self.history)
         drift = foundations.motion_at(boundary, self.begin)
         posed = Posed(
             elastic,
             replace(task, rest=None),
-            first_start(*problem),
+            replace(task.start, data=given, factors=np.ones(1)),
             foundations.placed,
             drift,
             foundations.spin_at(boundary, self.begin.placed),
@@ -689,7 +688,7 @@ class NonlinearBody(BodyOfForms):
             before,
             prescribed,
             data,
-            problem[0].gap,
+            given.gap,
             matrix,
         )
         return self.now
