@@ -324,7 +324,7 @@ def _foundations(model: Model) -> Foundations:
         if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in contacts]
-    entries = foundations_of(contacts, model.statement.kinematics, on, masters)
+    entries = foundations_of(contacts, model.kinematics, on, masters)
     return Foundations(model.space, entries, on, names, masters)
 
 
