@@ -274,14 +274,6 @@ def alike_word(wanted, word):
         return wanted == word
 
 
-def test_alike():
-    """A word or a number too many is noticed, and a number that differs."""
-    assert alike("a 1.00 ...", "a 1.01 2 left")
-    assert not alike("a 1.00 ...", "a 1.01")
-    assert not alike("(1.00,", "(1.10,")
-    assert not alike("b", "a")
-
-
 @pytest.mark.one_quick
 @each_block("sh")
 def test_commands(block, folder, capsys):

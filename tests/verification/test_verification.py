@@ -2,7 +2,6 @@
 
 import csv
 import re
-from dataclasses import replace
 
 import pytest
 import verification
@@ -46,16 +45,3 @@ def test_file(rows):
             assert float(theirs[2]) == pytest.approx(
                 row.reference, rel=0.2 * row.tolerance + digits
             )
-
-
-def test_a_wrong_number_is_missed(monkeypatch, capsys):
-    """Beyond the tolerance, or no number at all."""
-    row = verification.Row("a patch", "stress", "a formula", -2.5, -2.5, 1e-3)
-    for right in (row, replace(row, reference=0.0, ours=0.0)):
-        assert right.holds
-        step = 1.01 * right.tolerance * (abs(right.reference) or 1.0)
-        for wrong in (right.reference + step, right.reference - step, float("nan")):
-            assert not replace(right, ours=wrong).holds
-    monkeypatch.setattr(verification, "BENCHMARKS", (lambda: [row, replace(row, ours=1.0)],))
-    assert verification.main() == 1
-    assert capsys.readouterr().out.count(" missed") == 1
