@@ -38,6 +38,7 @@ class OtherProblem:
     text: str  # what it is
     displacement: Array  # length, shape (n, d)
     distance: float  # from the result, in the energy norm
+    large: bool  # whether its value is at least as far from the problem's as the trial
 
 
 def nearest_alternative(on_mesh: SolutionOnMesh, v: Array, enough: float) -> OtherProblem | None:
@@ -65,7 +66,8 @@ def _values(
             return
         off = v - u
         distance = on_mesh.norm(off)
-        yield OtherProblem(tried.text(value, 1 / value if value else np.inf), u, distance)
+        large = abs(value - tried.start) >= abs(tried.trial - tried.start)
+        yield OtherProblem(tried.text(value, 1 / value if value else np.inf), u, distance, large)
         slope = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:

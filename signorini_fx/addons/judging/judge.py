@@ -26,6 +26,7 @@ from signorini_fx.addons.judging.judged_problem import (
 )
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.mesh.halving import halved
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.files import for_json
 from signorini_fx.tuned import (
     JUDGED_DIGITS,
@@ -43,9 +44,10 @@ ANOTHER = "another problem"
 VIOLATES = "violates "
 NOT_TOLD = "cannot be told"
 # With reduced integration there are as many points as with cells twice as large, on which the error
-# is so much larger.
+# is so much larger, and that of displacements and forces by its square.
 _COARSER = 2.0
-# A condition that is violated by more than this share is so with any elements.
+# A condition that is violated by more than this share is so with any elements, unless our solution
+# on the next mesh does so at the nodes of this one.
 _HALF = 0.5
 # What is said of a violated condition of contact, with its share.
 _CONDITIONS = {
@@ -194,6 +196,7 @@ class _Judging:
     own: dict[str, float] = field(default_factory=dict)  # what our own meshes let differ
     lines: dict[str, str] = field(default_factory=dict)
     violated: dict[str, str] = field(default_factory=dict)
+    on_finer: dict[str, float] = field(default_factory=dict)  # shares of ours on the next mesh
 
     @cached_property
     def ours(self) -> SolutionOnMesh:
@@ -279,13 +282,13 @@ class _Judging:
             return self._strained_alike("friction")  # that of other load steps
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
-        left = (NOTABLE if agrees else JUDGED_LEFT) * on_mesh
-        if nodes := ours.moved_alone(v, min(left, farthest)):
+        share = NOTABLE if agrees else JUDGED_LEFT
+        if nodes := ours.moved_alone(v, min(share * on_mesh, farthest)):
             return (
                 VIOLATES + "equilibrium",
                 f"forces are not balanced around {' and '.join(map(self._node, nodes))}",
             )
-        if other_problem := self._other_problem(on_mesh, min(left + printed, farthest), printed):
+        if other_problem := self._other_problem(on_mesh, share, farthest, printed):
             return ANOTHER, other_problem
         if not self._excess({}):
             return self._strained_alike()
@@ -302,7 +305,7 @@ class _Judging:
         if distance <= allowed:
             return self._strained_alike()
         worst = self._worst()
-        if distance <= farthest and self._value(worst) <= _HALF:
+        if distance <= farthest and self._value(worst) <= self._most(worst):
             return (
                 NOT_TOLD,
                 "it is less accurate than ours, yet no more than elements with fewer points may be",
@@ -320,9 +323,10 @@ class _Judging:
         ours.
         """
         worst = self._worst(*but)
-        if self._value(worst) > _HALF:
+        excess = self._excess({})
+        if self._value(worst) > (self.figures[worst]["threshold"] if excess else self._most(worst)):
             return self._violates(worst)
-        if excess := self._excess({}):
+        if excess:
             cause = "no single load, modulus, gap or friction explains it"
             return NOT_TOLD, f"strains are ours, but not the {self._said(excess)}: {cause}"
         return AGREES, ""
@@ -331,6 +335,10 @@ class _Judging:
         """Return the condition that is violated most; not of the supports, nor one of ``but``."""
         considered = [name for name in self.violated if name not in ("supports", *but)]
         return max(considered, key=self._value)
+
+    def _most(self, condition: str) -> float:
+        """Return the share by which a condition may be violated with other elements."""
+        return max(_HALF, MARGIN * self.on_finer.get(condition, 0.0))
 
     def _violates(self, condition: str) -> tuple[str, str]:
         return VIOLATES + condition, self.violated[condition]
@@ -373,10 +381,18 @@ class _Judging:
         self.lines["beside ours"] = f"{self._said(self.own)}, {solved}"
         return True
 
-    def _other_problem(self, on_mesh: float, enough: float, printed: float) -> str:
-        """Return the other problem that the result solves, in words; "": there is none."""
+    def _other_problem(self, on_mesh: float, left: float, farthest: float, printed: float) -> str:
+        """Return the other problem that the result solves, in words; "": there is none.
+
+        Args:
+            on_mesh: the distance of the result from ours in the energy norm.
+            left: the share of it that the other problem may leave.
+            farthest: the distance that it may leave at most.
+            printed: the distance that the last printed digits make.
+        """
         ours = self.ours
         v = self.v
+        enough = min(left * on_mesh + printed, farthest)
         names = [step.name for step in ours.solution.shown_steps]
         steps = [ours.norm(v - step) for step in ours.steps]
         if steps and min(steps) <= enough:
@@ -387,6 +403,8 @@ class _Judging:
             return ""
         share = other.distance / on_mesh
         self.lines["other"] = f"{other.text}, with which it is {share:.2g} of its distance away"
+        if other.large:  # so much is no error of a mesh
+            enough = min(JUDGED_LEFT * on_mesh + printed, farthest)
         if other.distance <= enough:
             return other.text
         # What is not explained in energy, as of other elements, may be so in what is too far away.
@@ -425,25 +443,26 @@ class _Judging:
         )
         if tractions is None:
             return
-        certificate = ours.certificate(v, tractions)
+        shares = self._shares(v, tractions)
+        if self.finer is not None:
+            read = ours.tractions(self.read_finer)[0]
+            assert read is not None
+            self.on_finer = self._shares(self.read_finer, read)
+        for condition, text in _CONDITIONS.items():
+            self._figure(condition, shares[condition], allowed / size)
+            self.violated[condition] = text.format(_percent(shares[condition]))
+        said = [f"{condition} {_percent(share)}" for condition, share in shares.items()]
+        self.lines["contact"] = ", ".join(said[:3])
+        self.lines["friction"] = f"off by {_percent(shares['friction'])} of the largest pressure"
+
+    def _shares(self, v: Array, tractions: Tractions) -> dict[str, float]:
+        """Return by how much a displacement with its tractions violates conditions of contact."""
+        certificate = self.ours.certificate(v, tractions)
         friction = max(
             certificate.friction_cone, certificate.wrong_way_slip, certificate.slip_below_bound
         )
-        shares = (
-            certificate.entered,
-            certificate.negative_pressure,
-            certificate.pressure_at_distance,
-            friction,
-        )
-        for (condition, text), share in zip(_CONDITIONS.items(), shares, strict=True):
-            self._figure(condition, share, allowed / size)
-            self.violated[condition] = text.format(_percent(share))
-        said = [
-            f"{condition} {_percent(share)}"
-            for condition, share in zip(_CONDITIONS, shares, strict=True)
-        ]
-        self.lines["contact"] = ", ".join(said[:3])
-        self.lines["friction"] = f"off by {_percent(friction)} of the largest pressure"
+        pressure = certificate.negative_pressure, certificate.pressure_at_distance
+        return dict(zip(_CONDITIONS, (certificate.entered, *pressure, friction), strict=True))
 
     def _compare(self) -> None:
         """Record how far displacement and contact force are from ours, and how far ours may be on
@@ -467,13 +486,12 @@ class _Judging:
                 farther = abs(self._force(self.v) - finer.force()) / ours.force()
                 values["force"] = min(values["force"], farther)
         round_off = NEGLIGIBLE + self.theirs.half_unit / size
-        # Elements with fewer points or nodes are as far from ours as those of a coarser mesh; where
-        # that is little, the energy norm decides, and forces are read from their displacements.
-        error = _COARSER * self.norms.error / self.norms.size
-        other_elements = 0.0 if self.problem.alike else max(error, NOTABLE)
         for name, value in values.items():
             self.own[name] = MARGIN * own[name] + round_off
-            self._figure(name, value, max(self.own[name], other_elements))
+            # Elements with fewer points or nodes are as far from ours as those of a coarser mesh;
+            # where that is little, the energy norm decides.
+            other_elements = max(_COARSER**2 * self.own[name], NOTABLE)
+            self._figure(name, value, self.own[name] if self.problem.alike else other_elements)
         self.lines["beside ours"] = self._said(self.own)
 
     def _said(self, names: Iterable[str]) -> str:
