@@ -694,6 +694,7 @@ def test_returned_classes():
         "Report",
         "Mechanics",
         "Model",
+        "Shape",
         "Statement",
         "StressRecovery",
     }  # what the solver works with
