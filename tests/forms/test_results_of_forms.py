@@ -214,6 +214,9 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
     )
     of_scene = write_results(solution, folder / "scene", pictures=False)
     of_forms = problem.write(folder / "forms", title=scene.title, pictures=False)
+    for rows in (of_scene["stress"], of_scene["stress"]["recovered"]):
+        # Of forms it is not known where the stress has no limit.
+        assert rows["von_mises"].pop("error") > 0
     assert differences(of_scene, of_forms) == []
     assert of_scene.keys() - of_forms.keys() <= {"friction_used", "no_limit_of_pressure"}
     assert of_forms.keys() <= of_scene.keys()
