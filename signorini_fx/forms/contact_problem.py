@@ -25,6 +25,20 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
+    import ufl
+    from ufl.core.expr import Expr
+
+    from signorini_fx.arrays import Array
+    from signorini_fx.forms.given_forms import (
+        CompilerOptions,
+        Density,
+        Facets,
+        Law,
+        PetscOptions,
+        SettingValue,
+        UflOrCompiled,
+    )
+    from signorini_fx.forms.solver import BodyOfForms
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
     from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
@@ -41,12 +55,12 @@ if TYPE_CHECKING:
 class ProblemOfForms:
     """A problem with the results of a ``Solution``."""
 
-    assembled: Any
+    assembled: BodyOfForms
     _ended: Any  # what knows how the last solve has ended
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
     # What each owned cell of a solution has of the squared error, the strain energy, and the
     # contacts at displaced points, see ``combined``; collective.
-    _errors_in_body: Callable[[Solution], tuple[Any, float, Collection[int], float | None]]
+    _errors_in_body: Callable[[Solution], tuple[Array, float, Collection[int], float | None]]
     # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data;
     # collective.
     _differentiated: Callable[[], tuple[Any, ...]]
@@ -62,12 +76,12 @@ class ProblemOfForms:
         return f"<{type(self).__name__}: {unknowns} unknowns, {ended}>"
 
     @property
-    def bcs(self) -> Any:
+    def bcs(self) -> list[fem.DirichletBC]:
         """The Dirichlet conditions; the list may change between two solves."""
         return self.assembled.bcs
 
     @bcs.setter
-    def bcs(self, bcs: Any) -> None:
+    def bcs(self, bcs: list[fem.DirichletBC]) -> None:
         self.assembled.bcs = bcs
 
     @property
@@ -202,7 +216,6 @@ class ProblemOfForms:
         Raises:
             RuntimeError: the last solve has no solution.
         """
-        self._ended.advance()
 
     def run(
         self,
@@ -246,7 +259,7 @@ class ProblemOfForms:
             *begun_path(self.assembled, path, at, folder, restart=restart), on_step
         )
 
-    def gradient(self, of: Any, by: Any) -> Gradient:
+    def gradient(self, of: ufl.Form | str, by: fem.Constant | Sequence[fem.Constant]) -> Gradient:
         """Derivatives of a result of the last solve by Constants of the problem, by one adjoint
         solve; collective.
 
@@ -367,24 +380,26 @@ class ContactProblem(ProblemOfForms):
         converged [[0.0, 4.0], [-0.2, 0.0]]
     """
 
+    assembled: FormSolver
+
     def __init__(
         self,
-        a: Any,
-        L: Any,
+        a: UflOrCompiled,
+        L: UflOrCompiled,
         bcs: Sequence[fem.DirichletBC] = (),
         contact: Sequence[Foundation | Pair] | Foundation | Pair = (),
         u: fem.Function | None = None,
         *,
         petsc_options_prefix: str = "sfx_",
-        petsc_options: Mapping[str, Any] | None = None,
-        form_compiler_options: dict[str, Any] | None = None,
-        jit_options: dict[str, Any] | None = None,
-        stress: Any = None,
+        petsc_options: PetscOptions | None = None,
+        form_compiler_options: CompilerOptions = None,
+        jit_options: CompilerOptions = None,
+        stress: Expr | Law | None = None,
         materials: MeshTags | None = None,
-        boundaries: Mapping[str, Any] | None = None,
+        boundaries: Mapping[str, Facets] | None = None,
         effects: Sequence[StepEffect] = (),
-        density: Any = None,
-        **settings: Any,
+        density: Density = None,
+        **settings: SettingValue,
     ) -> None:
         forms, self.u = given_forms(
             a,
@@ -442,6 +457,9 @@ class ContactProblem(ProblemOfForms):
         self._ran = None
         return solve_step(self.assembled, state, time)
 
+    def advance(self) -> None:
+        self.assembled.advance()
+
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
         """Return the motions of the rigid bodies in the last solution."""
@@ -467,7 +485,7 @@ class ContactProblem(ProblemOfForms):
 
     def _errors_in_body(
         self, solution: Solution
-    ) -> tuple[Any, float, Collection[int], float | None]:
+    ) -> tuple[Array, float, Collection[int], float | None]:
         stress = self._stress_of(lambda: solution)
         if self.assembled.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"

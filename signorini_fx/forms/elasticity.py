@@ -7,7 +7,7 @@ assembled anew, without the matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -48,6 +48,9 @@ from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+    from signorini_fx.forms.given_forms import Energy
     from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.resultants import ActingForces, NamedForces
@@ -376,7 +379,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStr
         ) from None
 
 
-def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace) -> Array:
+def cellwise_moduli(energy: Energy, space: fem.FunctionSpace) -> Array:
     """The components of the stress over those of the strain in the middle of each cell, shape
     (cells, m, m), from the energy of two fields with one strain each, which are zero there, so that
     no hoop strain adds to theirs; collective.
@@ -408,10 +411,10 @@ def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace)
     return moduli
 
 
-def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
+def _energy_by(law: Law, at_rest: Expr) -> Energy:
     """The energy of two fields z and y by a law, sigma(y) : grad z."""
 
-    def energy(z: Any, y: Any) -> Any:
+    def energy(z: Expr, y: Expr) -> Expr:
         stress = law(y) - at_rest
         slopes = ufl.grad(z)
         return sum(stress[k] * slopes[k] for k in np.ndindex(slopes.ufl_shape))
@@ -438,7 +441,7 @@ def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, 
 
 
 def natural_modulus(
-    law: Law | None, a: Any, measures: set[Any], space: fem.FunctionSpace
+    law: Law | None, a: Any, measures: set[Expr], space: fem.FunctionSpace
 ) -> float | None:
     """Young's modulus of the stiffest cell, the natural unit of stress: from the stress, or from
     the form, divided by the UFL that contact is multiplied by; None: it is not isotropic, or cannot
@@ -463,7 +466,7 @@ def natural_modulus(
         if _by_quadrature(whole):
             return None
 
-        def energy(z: Any, y: Any) -> Any:
+        def energy(z: Expr, y: Expr) -> Expr:
             return ufl.replace(whole, dict(zip(a.arguments(), (z, y), strict=True)))
 
     lame = isotropic_moduli(cellwise_moduli(energy, space), dim, mesh)
@@ -476,7 +479,7 @@ def natural_modulus(
     return largest if 0.0 < largest < np.inf else None
 
 
-def _by_quadrature(expression: Any) -> bool:
+def _by_quadrature(expression: Expr) -> bool:
     """Whether it has a Function of a quadrature element, which has no values in the middle of a
     cell.
     """
@@ -486,7 +489,7 @@ def _by_quadrature(expression: Any) -> bool:
     )
 
 
-def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Any) -> Any:
+def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Expr) -> ufl.Form | None:
     """The squared residual of the traction that UFL forms prescribe, off the contact and in
     components that are not prescribed, see ``squared_residual``; ``z``: a test function, constant
     in each cell; collective.
@@ -501,11 +504,14 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Any) 
     traction_facets = np.setdiff1d(exterior, touching).astype(np.int32)
     held = fixed.reshape(-1, dim)[facet_nodes(space, traction_facets)].all(axis=1)
     integrals = [
-        integral for form in forms.original for integral in form.integrals_by_type("exterior_facet")
+        integral
+        for form in forms.original
+        if isinstance(form, ufl.Form)
+        for integral in form.integrals_by_type("exterior_facet")
     ]
     on = [np.isin(traction_facets, exterior_facets(integral, mesh)) for integral in integrals]
 
-    def of(numbers: Ints, residual: Any) -> tuple[Any, list[Any], bool]:
+    def of(numbers: Ints, residual: Expr) -> tuple[Expr, list[Expr], bool]:
         varies = False
         for number in numbers[numbers >= dim]:
             traction = _traction(integrals[number - dim].integrand(), stress.displacement)
@@ -517,7 +523,7 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Any) 
     return squared_residual(stress, traction_facets, np.column_stack((held, *on)), of, z)
 
 
-def _traction(integrand: Any, y: fem.Function) -> Any:
+def _traction(integrand: Expr, y: fem.Function) -> Expr:
     """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .)
     minus that.
     """
@@ -532,7 +538,7 @@ def _traction(integrand: Any, y: fem.Function) -> Any:
     return (-1 if trial else 1) * ufl.as_vector(parts)
 
 
-def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Indices:
+def exterior_facets(integral: ufl.Integral, mesh: dmesh.Mesh) -> Indices:
     """The exterior facets of this rank that an integral is over."""
     data = integral.subdomain_data()
     wanted = integral.subdomain_id()

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack, get_args
 
 import basix
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
@@ -33,9 +35,23 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import kind_of
 
 if TYPE_CHECKING:
-    pass
+    from ufl.core.expr import Expr
 
-Law = Callable[[Any], Any]
+UflOrCompiled: TypeAlias = "ufl.Form | fem.Form"
+Law: TypeAlias = "Callable[[Expr], Expr]"  # stress of a displacement
+Energy: TypeAlias = "Callable[[Expr, Expr], Expr]"  # of two displacements
+Facets: TypeAlias = "npt.ArrayLike | tuple[dmesh.MeshTags, int | Sequence[int]]"
+Density: TypeAlias = "float | Expr | ufl.Form | None"
+SettingValue = str | float | None
+PetscOptions = Mapping[str, str | float | None]
+CompilerOptions = dict[str, str | float | Path | list[str]] | None
+
+
+class FormOptions(TypedDict, total=False):
+    """What forms are compiled with."""
+
+    form_compiler_options: CompilerOptions
+    jit_options: CompilerOptions
 
 
 @dataclass(frozen=True)
@@ -43,7 +59,7 @@ class GivenForms:
     """The arguments of a ``ContactProblem`` that stay as they are, checked and compiled."""
 
     space: fem.FunctionSpace  # of the displacement
-    original: tuple[Any, Any]  # a and L as they were given, UFL or compiled
+    original: tuple[UflOrCompiled | None, UflOrCompiled]  # a and L as they were given
     compiled: tuple[fem.Form, fem.Form]  # the same, compiled
     stress: Law | None  # of a displacement; None: none was given
     parts: Sequence[Indices]  # the cells of each material
@@ -60,21 +76,21 @@ class GivenForms:
         return self.space.mesh
 
     @property
-    def measures(self) -> set[Any]:
+    def measures(self) -> set[Expr]:
         """What contacts are multiplied by, which estimates of errors do not know."""
         return {getattr(contact, "measure", None) for contact in self.contact} - {None}
 
 
 def given_forms(
-    a: Any,
-    L: Any,
-    contact: Any,
+    a: UflOrCompiled,
+    L: UflOrCompiled,
+    contact: Foundation | Pair | Iterable[Foundation | Pair] | None,
     u: fem.Function | None,
     *,
-    stress: Any = None,
+    stress: Expr | Law | None = None,
     materials: dmesh.MeshTags | None = None,
-    boundaries: Mapping[str, Any] | None = None,
-    **compiler_options: Any,
+    boundaries: Mapping[str, Facets] | None = None,
+    **compiler_options: Unpack[FormOptions],
 ) -> tuple[GivenForms, fem.Function]:
     """What a ``ContactProblem`` is given, and the Function that takes its solution; collective."""
     space = space_of(a, L, u)
@@ -169,7 +185,7 @@ _NOT_HERE = {
 }
 
 
-def law_of(stress: Any, u: fem.Function) -> Law | None:
+def law_of(stress: Expr | Law | None, u: fem.Function) -> Law | None:
     """What ``ContactProblem`` is given, as a function of the displacement."""
     if stress is not None and is_section(u.function_space.mesh):
         raise FormError.at(
@@ -182,24 +198,22 @@ def law_of(stress: Any, u: fem.Function) -> Law | None:
     )
 
 
-def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
+def space_of(a: UflOrCompiled, L: UflOrCompiled, u: fem.Function | None) -> fem.FunctionSpace:
     """The space of the displacements."""
     if np.issubdtype(default_scalar_type, np.complexfloating):
         raise FormError.at("a", "PETSc is built for complex numbers; contact needs a real build")
     if not isinstance(u, fem.Function | None):
         raise FormError.at("u", f"must be a Function, not {kind_of(u)}")
-    spaces: list[Any] = []
+    spaces: list[tuple[str, fem.FunctionSpace]] = []
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
             raise FormError.at(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")
-        of_ufl = isinstance(form, ufl.Form)
-        if of_ufl and not form.arguments():
+        if isinstance(form, fem.Form):
+            of_form = form.function_spaces
+        elif arguments := form.arguments():
+            of_form = [one.ufl_function_space() for one in arguments]
+        else:
             raise FormError.at(name, "the form is identically zero")
-        of_form = (
-            [one.ufl_function_space() for one in form.arguments()]
-            if of_ufl
-            else form.function_spaces
-        )
         if len(of_form) != rank:
             raise FormError.at(
                 name, f"must have {rank} argument{'s' * (rank > 1)}, not {len(of_form)}"
@@ -248,7 +262,9 @@ def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
     return space
 
 
-def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
+def conditions_of(
+    bcs: fem.DirichletBC | Sequence[fem.DirichletBC] | None, space: fem.FunctionSpace
+) -> list[fem.DirichletBC]:
     """The Dirichlet conditions."""
     bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
@@ -263,9 +279,9 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     return list(bcs)
 
 
-def settings_of(options: dict[str, Any]) -> SolverSettings:
+def settings_of(options: dict[str, SettingValue]) -> SolverSettings:
     """The settings of the solver."""
-    known = {
+    known: dict[str, Any] = {
         name: value for name, value in options.items() if value is not None or name not in _NOT_HERE
     }
     if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in known]:
@@ -282,7 +298,9 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
     return settings
 
 
-def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
+def foundations_of(
+    contact: Foundation | Pair | Iterable[Foundation | Pair] | None,
+) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs, their own arguments checked as far as they need no mesh."""
     problems = list[tuple[str, str]]()
     if isinstance(contact, Foundation | Pair):
@@ -392,7 +410,7 @@ def facets_of(
     return facets[: len(contact)], dict(zip(pairs, facets[len(contact) :], strict=True))
 
 
-def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[Indices]:
+def parts_of(materials: dmesh.MeshTags | None, mesh: dmesh.Mesh) -> list[Indices]:
     """The cells of each material, with ghosts, from tags on all of them; None: there is one
     material; collective.
     """
@@ -413,7 +431,7 @@ def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[Indices]:
     return [materials.find(int(tag)).astype(np.int32) for tag in np.unique(tags)]
 
 
-def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Indices:
+def _listed(selection: Facets, mesh: dmesh.Mesh, dim: int, count: int) -> Indices:
     """Local numbers of facets, ghosts included, from a list of them or from tags."""
     if (
         isinstance(selection, tuple)
@@ -434,7 +452,7 @@ def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Indices:
     return facets.astype(np.int32)
 
 
-def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Indices]:
+def boundaries_of(given: Mapping[str, Facets] | None, mesh: dmesh.Mesh) -> dict[str, Indices]:
     """The facets of each part of the boundary that has a name; collective."""
     facets = dict[str, Indices]()
     problems = list[tuple[str, str]]()

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 from dolfinx import mesh as dmesh
 
@@ -25,6 +25,9 @@ from signorini_fx.records import History, Observer
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving import meshed_problem, to_accuracy
 from signorini_fx.solving.restart import StoredStates
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -148,7 +151,7 @@ def solve_nested(
         )
     first = _first(make, mesh, observers)
 
-    def problems() -> Any:
+    def problems() -> Iterator[MeshedForms]:
         problem = first
         for number in range(levels):
             if number > 0:
@@ -255,7 +258,7 @@ def _first(
     )
 
 
-def _tagged(mesh: Any) -> TaggedMesh:
+def _tagged(mesh: AnyMesh) -> TaggedMesh:
     """A mesh with names of boundaries, which one of dolfinx has none of."""
     if isinstance(mesh, TaggedMesh):
         return mesh

@@ -4,12 +4,12 @@ the last step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -52,6 +52,9 @@ from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
 
+if TYPE_CHECKING:
+    from signorini_fx.forms.given_forms import Density, PetscOptions, SettingValue
+
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
 
 LASTS = "a step with inertia has a duration: use step(state, time) or run, not solve"
@@ -70,12 +73,12 @@ class BodyOfForms:
     def __init__(
         self,
         forms: GivenForms,
-        bcs: Any,
-        settings: dict[str, Any],
-        petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
+        bcs: Sequence[fem.DirichletBC],
+        settings: dict[str, SettingValue],
+        petsc_options: tuple[str, PetscOptions],  # a prefix, and options without it
         effects: Sequence[StepEffect],
         foundations: Callable[..., Foundations] = Foundations,
-        density: Any = None,  # see ``Model``
+        density: Density = None,  # see ``Model``
     ) -> None:
         space = self.space = forms.space
         self.forms = forms
@@ -233,11 +236,11 @@ class FormSolver(BodyOfForms):
         self,
         forms: GivenForms,
         u: fem.Function,
-        bcs: Any,
-        settings: dict[str, Any],
-        petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
+        bcs: Sequence[fem.DirichletBC],
+        settings: dict[str, SettingValue],
+        petsc_options: tuple[str, PetscOptions],  # a prefix, and options without it
         effects: Sequence[StepEffect] = (),
-        density: Any = None,
+        density: Density = None,
     ) -> None:
         super().__init__(forms, bcs, settings, petsc_options, effects, density=density)
         self.u = u
@@ -377,7 +380,7 @@ class FormSolver(BodyOfForms):
         a, L = self.forms.compiled
         fixed, values = self.prescribed
         axes = [shape.axes for shape in shapes if shape.axes is not None]
-        of_points: list[Any] = [self.foundations.at_rest(fixed, values)]
+        of_points: list[Array | Flags | None] = [self.foundations.at_rest(fixed, values)]
         of_points += [value for shape in shapes for value in (shape.factor, shape.direction)]
         of_points += [value for each in axes for value in (each.along, each.ratio)]
         of_body = [fixed, rigid.fixed, rigid.stiffness]
@@ -503,7 +506,7 @@ def case_of(
 
 
 @contextmanager
-def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
+def options_applied(prefix: str, problem_options: PetscOptions) -> Iterator[None]:
     """Put the options of a problem where its solver objects read them, beside those of the
     database; an OptionsError says that PETSc fails with them, or would run another method than ours
     with one of them.

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dolfinx import fem
 
@@ -24,6 +25,9 @@ from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
 from signorini_fx.solving.step import Report, step
 from signorini_fx.tuned import MOST_ADJOINT_UNKNOWNS
+
+if TYPE_CHECKING:
+    from signorini_fx.forms.solver import BodyOfForms
 
 Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
 
@@ -92,7 +96,7 @@ def converged(solution: Solution) -> Solution:
 
 
 def begun_path(
-    solver: FormSolver,
+    solver: BodyOfForms,
     path: LoadPath | Iterable[float],
     at: Clock | fem.Constant,
     folder: str | Path | None,

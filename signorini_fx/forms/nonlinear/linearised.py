@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import or_
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -82,6 +82,11 @@ from signorini_fx.solving.frames import (
 from signorini_fx.solving.step import with_contact
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
+if TYPE_CHECKING:
+    from signorini_fx.forms.given_forms import Density, Facets, PetscOptions, SettingValue
+    from signorini_fx.mechanics.interfaces import Foundation, Pair
+    from signorini_fx.mechanics.statement.rigid_shape import Shape
+
 # How a contact problem ends whose sets are not found.
 _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
 
@@ -131,7 +136,7 @@ class MovingFoundations(Foundations):
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
     @property
-    def driven(self) -> list[Any]:
+    def driven(self) -> list[Shape | None]:
         """Return the shape of each contact that forces move, as the user has given it; None or
         False: it is none.
         """
@@ -211,7 +216,7 @@ class MovingFoundations(Foundations):
             rotation[boundary.part == number] = turn
         return rotation
 
-    def measured(self, shape: Any) -> bool:
+    def measured(self, shape: Shape) -> bool:
         """Along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(shape.prescribes("x") == 0.0)
 
@@ -460,13 +465,13 @@ class NonlinearBody(BodyOfForms):
         self,
         tangents: Tangents,
         evaluated: Residual,
-        bcs: Any,
-        contact: Any,
-        options: tuple[str, Mapping[str, Any]],
-        boundaries: Mapping[str, Any] | None = None,
+        bcs: Sequence[fem.DirichletBC],
+        contact: Sequence[Foundation | Pair],
+        options: tuple[str, PetscOptions],
+        boundaries: Mapping[str, Facets] | None = None,
         effects: Sequence[StepEffect] = (),
-        density: Any = None,
-        **settings: Any,
+        density: Density = None,
+        **settings: SettingValue,
     ) -> None:
         at = self.at = evaluated.u
         increment = fem.Function(at.function_space)
@@ -1058,7 +1063,9 @@ class NonlinearBody(BodyOfForms):
         fixed, supports = self.supports()
         at[fixed] = supports[fixed]
         try:
-            values, boundary, gap, law = self.contact_now((solved or self).now)
+            now = (solved or self).now
+            assert now is not None
+            values, boundary, gap, law = self.contact_now(now)
             motion = self.foundations.motion_at(boundary, self.begin if begun is None else begun)
             if (residual := self.evaluated.at(at.copy())) is None:
                 raise FormError.at("F", "is not finite beside the solution")

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -32,6 +32,9 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMoti
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Shape
 from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
 
 
 @dataclass
@@ -245,7 +248,7 @@ class FiniteRigidMotion(RigidBodyMotion):
         return super().at(places - self.translation)
 
     def as_dict(
-        self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics
+        self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
     ) -> dict[str, Any]:
         """Return the entry of a rigid body; its gap is not linearised and has no error."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import ufl
@@ -60,9 +60,20 @@ from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.step import Failure, ended, step
 from signorini_fx.solving.time_steps import all_steps
 
+if TYPE_CHECKING:
+    from signorini_fx.forms.given_forms import (
+        CompilerOptions,
+        Density,
+        Facets,
+        FormOptions,
+        PetscOptions,
+        SettingValue,
+        UflOrCompiled,
+    )
+
 
 def checked(
-    F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]
+    F: ufl.Form, u: fem.Function, J: UflOrCompiled | None, contact: Sequence[Foundation | Pair]
 ) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs; a FormError says that the arguments do not fit each other."""
     problems = list[tuple[str, str]]()
@@ -212,28 +223,29 @@ class NonlinearContactProblem(ProblemOfForms):
     """
 
     _named_residual: ClassVar[str] = "F"
+    assembled: NonlinearBody
 
     def __init__(
         self,
-        F: Any,
+        F: ufl.Form,
         u: fem.Function,
         *,
         bcs: Sequence[fem.DirichletBC] = (),
         contact: Sequence[Foundation | Pair] | Foundation | Pair = (),
-        J: Any = None,
+        J: UflOrCompiled | None = None,
         update: Callable[[], object] | None = None,
         commit: Callable[[], object] | None = None,
         kept: Mapping[str, fem.Function] | None = None,
         effects: Sequence[StepEffect] = (),
         petsc_options_prefix: str = "sfx_",
-        petsc_options: Mapping[str, Any] | None = None,
-        form_compiler_options: dict[str, Any] | None = None,
-        jit_options: dict[str, Any] | None = None,
+        petsc_options: PetscOptions | None = None,
+        form_compiler_options: CompilerOptions = None,
+        jit_options: CompilerOptions = None,
         stability: bool = True,
         max_newton: int = 30,
-        boundaries: Mapping[str, Any] | None = None,
-        density: Any = None,
-        **settings: Any,
+        boundaries: Mapping[str, Facets] | None = None,
+        density: Density = None,
+        **settings: SettingValue,
     ) -> None:
         self.u = u
         contact = checked(F, u, J, foundations_of(contact))
@@ -254,7 +266,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 "with one"
             )
             raise FormError.at("effects", f"{reason} that is nonlinear: contact and after are")
-        options: dict[str, Any] = {
+        options: FormOptions = {
             "form_compiler_options": form_compiler_options,
             "jit_options": jit_options,
         }
@@ -336,7 +348,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def _errors_in_body(
         self, solution: Solution
-    ) -> tuple[Any, float, Collection[int], float | None]:
+    ) -> tuple[Array, float, Collection[int], float | None]:
         mechanics: Any = solution.mechanics
         known = mechanics.errors_now(True)
         if isinstance(known, str):
@@ -348,7 +360,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return shares * work, work / 2, displaced, stress / strain
 
     @cached_property
-    def _lowered(self) -> Any:
+    def _lowered(self) -> ufl.Form:
         """Return the stated F by components, UFL."""
         return lowered(self._stated)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import basix
 import numpy as np
@@ -33,6 +33,11 @@ from signorini_fx.tuned import (
     SAME_TANGENT,
     UNITS_OF_DIFFERENCE,
 )
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+    from signorini_fx.forms.given_forms import FormOptions, UflOrCompiled
 
 
 class Remembers(Protocol):
@@ -189,7 +194,13 @@ class Tangents:
     is first needed.
     """
 
-    def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        F: ufl.Form,
+        J: UflOrCompiled | None,
+        u: fem.Function,
+        options: FormOptions,
+    ) -> None:
         self.given = J is not None
         self._F = F
         self._J = J
@@ -204,7 +215,7 @@ class Tangents:
         return self._compiled(self._J) if self.given else self.derivative
 
     @cached_property
-    def bilinear(self) -> Any:
+    def bilinear(self) -> ufl.Form | None:
         """F' in UFL where it is the same at all displacements; else, and where there is one of the
         user's, None.
         """
@@ -222,17 +233,17 @@ class Tangents:
             derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
         )
 
-    def _compiled(self, form: Any) -> fem.Form:
+    def _compiled(self, form: UflOrCompiled) -> fem.Form:
         with compiling():
             return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
 
 
-def lowered(F: Any) -> Any:
+def lowered(F: ufl.Form) -> ufl.Form:
     """F by components, with its derivatives carried out, UFL."""
     return apply_derivatives(apply_algebra_lowering(F))
 
 
-def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
+def derivative(F: ufl.Form, u: fem.Function, trial: Expr) -> ufl.Form:
     """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for
     it.
     """
@@ -250,7 +261,7 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
         do_apply_restrictions=True,
         do_append_everywhere_integrals=False,
     )
-    estimated = dict[tuple[str, Any], int]()
+    estimated = dict[tuple[str, int | str], int]()
     for data in form_data.integral_data:
         degrees = [
             integral.metadata()["estimated_polynomial_degree"] for integral in data.integrals
@@ -260,7 +271,7 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
             for number in data.subdomain_id
         }
 
-    def as_assembled(integral: Any) -> Any:
+    def as_assembled(integral: ufl.Integral) -> ufl.Integral:
         numbers = integral.subdomain_id()
         numbers = (
             numbers
@@ -362,12 +373,12 @@ def round_off(residual: Residual, forces: Array) -> Array:
 
 
 def refuse_miscompiled(
-    F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]
+    F: ufl.Form, residual: fem.Form, u: fem.Function, options: FormOptions
 ) -> None:
     """Raise a FormError if F has several rules of quadrature, and its compiled sum is not that of
     each; collective.
     """
-    rules: dict[Any, list[Any]] = {}
+    rules: dict[int | None, list[ufl.Integral]] = {}
     for integral in F.integrals():
         rules.setdefault(integral.metadata().get("quadrature_degree"), []).append(integral)
     if len(rules) < 2:

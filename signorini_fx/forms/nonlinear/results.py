@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse.linalg
@@ -26,6 +26,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.interfaces import Foundation
 from signorini_fx.mechanics.model import Loads
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
@@ -43,6 +44,10 @@ from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.step import Report
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
 
 Norms = tuple[float, float]  # of the stress, and of the strain
 
@@ -180,7 +185,7 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
-    added: Any = 0.0
+    added: Array | float = 0.0
     if body.effects:  # what they add is what the problem was solved with
         first = linear.posed.first
         added, law = first.data.gap - linear.given_gap, first.law
@@ -342,7 +347,7 @@ def squared_errors(
     return recovery.squares(u), 2 * recovery.energy(u)
 
 
-def green_strain(u: fem.Function) -> Any:
+def green_strain(u: fem.Function) -> ufl.Form:
     """The work of Green's strain and grad v, with v a test function, of which ``stress_of`` finds
     the strain as that of a stress: however the body is turned it is the same.  Displacements out of
     a section have their gradient.
@@ -375,7 +380,7 @@ def traction_left(body: NonlinearBody, loaded: Indices, field: fem.Function) -> 
         displacement=body.at, sigma=ufl.as_matrix(components.tolist()), modulus=1.0, around=1.0
     )
 
-    def of(numbers: Ints, residual: Any) -> tuple[Any, list[Any], bool]:
+    def of(numbers: Ints, residual: Expr) -> tuple[Expr, list[Expr], bool]:
         return ufl.as_vector([0.0 if k in numbers else residual[k] for k in range(dim)]), [], False
 
     cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
@@ -384,7 +389,7 @@ def traction_left(body: NonlinearBody, loaded: Indices, field: fem.Function) -> 
     return np.zeros(count) if form is None else np.asarray(assemble(compile_form(form)))
 
 
-def stress_of(residual: Any, u: fem.Function) -> fem.Function:
+def stress_of(residual: ufl.Form, u: fem.Function) -> fem.Function:
     """P as a polynomial of degree k - 1 in each cell, its components row by row; collective."""
     mesh = u.function_space.mesh
     rows = u.ufl_shape[0]
