@@ -4,7 +4,7 @@ sides of polygons.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ Indices = npt.NDArray[np.int32]  # local numbers of nodes, cells and facets, as 
 Ints = npt.NDArray[np.int64]
 Integers = npt.NDArray[np.signedinteger]  # local or global
 Column = npt.NDArray[Any]  # of a table, numbers or text
+Columns = Mapping[str, Column]  # by their names
 # A field in UFL, such as a Function or a Constant, and one in UFL or by its values at points.
 Expr: TypeAlias = "ufl.core.expr.Expr"
 FieldValue: TypeAlias = "Expr | Array"

@@ -8,7 +8,7 @@ for.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from dolfinx import fem
@@ -26,6 +26,9 @@ from signorini_fx.mechanics.loads.initial_strains import jumps_in
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.summary import ContactFigures, CornerFigures, SectionForce
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
+
+if TYPE_CHECKING:
+    from typing import Any
 
 
 def contact_figures(

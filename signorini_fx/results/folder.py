@@ -14,13 +14,16 @@ import fcntl
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from mpi4py import MPI
 
 from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
 from signorini_fx.machine import manifest, parallel, signals
 from signorini_fx.machine.result_files import folder_path
+
+if TYPE_CHECKING:
+    from types import TracebackType
 
 SUMMARY = "summary.json"
 # The complete load steps of a run that has not ended.
@@ -59,7 +62,10 @@ class ResultFolder:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         claimed = self._claimed
         self._claimed = False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import basix
 import numpy as np
@@ -37,6 +37,9 @@ from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.stresses import PointStress, RawStresses
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 # Displacements at the ends of load steps, the first one first, with their places in the lists of
 # factors.
@@ -139,7 +142,7 @@ class NonlinearForces(NodalForces):
         return PointStress(points, weights, x[..., : points.shape[1]], stress + mean, plastic)
 
 
-def _evaluated(expression: Any, points: Array, mesh: dmesh.Mesh, cells: Indices) -> Array:
+def _evaluated(expression: Expr, points: Array, mesh: dmesh.Mesh, cells: Indices) -> Array:
     """UFL at points of cells, shape (cells, points, ...)."""
     with compiling():
         compiled = fem.Expression(expression, points)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import basix
 import numpy as np
@@ -42,6 +42,11 @@ from signorini_fx.tuned import (
     ROOT_OF_EPS,
     ZERO_IN_SOLUTION,
 )
+
+if TYPE_CHECKING:
+    from signorini_fx.arrays import Ints
+    from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+    from signorini_fx.quantities.summary import Price
 
 # The largest pressure is not resolved if it differs by more than the first share from those beside
 # it; it still grows towards an end if it bends by more than the second.

@@ -57,6 +57,9 @@ from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pyvista import Plotter
+
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
     from signorini_fx.quantities.summary import (
         ContactFigures,
@@ -541,13 +544,13 @@ class Solution:
             return None
         return friction_used(self.model, self.contact, self.place)
 
-    def plot(self, field: str | Sequence[str] = (), *, ax: Any = None) -> Any:
+    def plot(self, field: str | Sequence[str] = (), *, ax: Axes | None = None) -> Any:
         """Return pictures that a notebook displays, or draw a body in 2D on axes, see the function
         ``plot``; collective.
         """
         return signorini_fx.plot(self, field, ax=ax)
 
-    def plotter(self, field: str = "", **options: Any) -> Any:
+    def plotter(self, field: str = "", **options: Any) -> Plotter | None:
         """Return a ``pyvista.Plotter`` with the deformed body, None on all ranks but the first;
         collective.
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import default_scalar_type, fem
@@ -36,11 +36,16 @@ from signorini_fx.tuned import (
     SAME_LENGTH,
 )
 
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+    from signorini_fx.mechanics.materials.protocol import Material
+
 # Components of the tensor by name.
 COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
 
 
-def _limit(material: Any) -> float:
+def _limit(material: Material) -> float:
     """The von Mises stress at which a material yields; infinite: it is not known."""
     return math.inf if (stress := getattr(material, "yield_stress", None)) is None else stress
 
@@ -187,7 +192,7 @@ class StressFields:
         """The principal stresses where extremes are sought, shape (n, 3)."""
         return principal_of(self._samples()[0])
 
-    def _samples(self) -> tuple[Array, Array, Callable[[int], Any]]:
+    def _samples(self) -> tuple[Array, Array, Callable[[int], int]]:
         """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number
         of a cell there.
         """
@@ -357,7 +362,7 @@ class RawStresses(StressFields):
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
 
-    def _samples(self) -> tuple[Array, Array, Callable[[int], Any]]:
+    def _samples(self) -> tuple[Array, Array, Callable[[int], int]]:
         if self.at_points is None:
             return super()._samples()
         x = self.at_points.x
@@ -538,7 +543,7 @@ def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
     return None if at < 0 else parts[at]
 
 
-def interpolated(expression: Any, space: fem.FunctionSpace, name: str = "f") -> fem.Function:
+def interpolated(expression: Expr, space: fem.FunctionSpace, name: str = "f") -> fem.Function:
     """A UFL expression of the shape of the space, interpolated into it; collective."""
     function = fem.Function(space, name=name)
     with compiling():

@@ -309,7 +309,7 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
     return entries
 
 
-def _own_value(quantity: Quantity, solution: Solution) -> Any:
+def _own_value(quantity: Quantity, solution: Solution) -> float | list[float] | None:
     """The value of a quantity of one's own, as JSON has it."""
-    adapter: TypeAdapter[Any] = TypeAdapter(float | list[float] | None)
+    adapter: TypeAdapter[float | list[float] | None] = TypeAdapter(float | list[float] | None)
     return adapter.validate_python(quantity.value(solution), strict=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -31,6 +31,9 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, ROOT_OF_EPS
 
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
 # Tractions that vary may jump within a facet: they are evaluated at this many more points.
 _FINE_DEGREE = 20
 
@@ -49,7 +52,7 @@ class StressRecovery:
     def __init__(
         self,
         stress: Any,
-        residual: Callable[[Any], tuple[Callable[[float], None], Any]],
+        residual: Callable[[Expr], tuple[Callable[[float], None], ufl.Form | None]],
         degree: int | None = None,
     ) -> None:
         """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, or what has its
@@ -235,8 +238,8 @@ class StressRecovery:
 
 
 def boundary_residual(
-    model: Model, stress: ElementStress, z: Any
-) -> tuple[Callable[[float], None], Any]:
+    model: Model, stress: ElementStress, z: Expr
+) -> tuple[Callable[[float], None], ufl.Form | None]:
     """What moves the loads of a scene to a place, and ``squared_residual`` where the traction is
     known: not in contact, and for prescribed displacements only in free components.  In the other
     ones the displacement may differ between the nodes: its square, times the stiffness over h.
@@ -267,7 +270,7 @@ def boundary_residual(
         for constant, effect in zip(factors, effects, strict=True):
             constant.value, _ = statement.now(effect, step)
 
-    def of(numbers: Ints, traction: Any) -> tuple[Any, list[Any], bool]:
+    def of(numbers: Ints, traction: Expr) -> tuple[Expr, list[Expr], bool]:
         residual = traction
         away = []
         acting = [(effects[k], factors[k]) for k in numbers]
@@ -287,7 +290,7 @@ def boundary_residual(
     )
 
 
-def _free(effect: Displacement, vector: Any, on: FormCoefficients) -> Any:
+def _free(effect: Displacement, vector: Expr, on: FormCoefficients) -> Expr:
     """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
     if effect.normal is not None:
         return vector - ufl.inner(vector, on.normal) * on.normal
@@ -295,7 +298,7 @@ def _free(effect: Displacement, vector: Any, on: FormCoefficients) -> Any:
     return ufl.as_vector([vector[k] if free[k] else 0.0 for k in range(len(vector))])
 
 
-def _away(effect: Displacement, y: Any, factor: Any, on: FormCoefficients) -> list[Any]:
+def _away(effect: Displacement, y: Expr, factor: Expr, on: FormCoefficients) -> list[Expr]:
     """Return the difference of the displacement from prescribed expressions between the nodes,
     lengths, UFL.
     """
@@ -312,9 +315,9 @@ def squared_residual(
     stress: ElementStress,
     facets: Indices,
     on: Flags,
-    of: Callable[[Ints, Any], tuple[Any, list[Any], bool]],
-    z: Any,
-) -> Any:
+    of: Callable[[Ints, Expr], tuple[Expr, list[Expr], bool]],
+    z: Expr,
+) -> ufl.Form | None:
     """The form of the squared residual of the traction, times h over the stiffness, of each cell,
     on ``facets``, where it is known; None: there are none; ``on``: what acts on each of them, shape
     (facets, k); ``of``: (which of the k act, minus the traction of the stress) -> what is left of

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.arrays import Array, Flags, Ints, extents, inner, matvec, rmatvec
@@ -67,7 +66,7 @@ class RigidPart:
             np.linalg.norm(motion - matvec(self._turned, angles[self.piece]), axis=1)
         )
 
-    def largest(self, values: Array, piece: npt.NDArray[Any] | None = None) -> Array:
+    def largest(self, values: Array, piece: Ints | None = None) -> Array:
         """The largest of values of each piece, not below zero, inf where one is nan, shape
         (pieces,); ``piece``: which piece each belongs to, -1: to none; None: values are those of
         the owned nodes; collective.
@@ -80,7 +79,7 @@ class RigidPart:
             self._comm, np.where(np.isnan(local_largest), np.inf, local_largest)
         )
 
-    def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
+    def norms(self, vectors: Array, piece: Ints | None = None) -> Array:
         """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,);
         collective.
         """

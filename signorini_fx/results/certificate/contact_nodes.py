@@ -7,10 +7,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -181,7 +180,7 @@ class ContactNodes(ContactConditions):
             self.paired, np.linalg.norm(sums.reshape(self.boundary.normal.shape), axis=1), 0.0
         )
 
-    def forces(self, owned: int, *parts: int) -> tuple[npt.NDArray[Any], Array, Array]:
+    def forces(self, owned: int, *parts: int) -> tuple[Ints, Array, Array]:
         """What the tractions do to so many owned nodes, or those of some contacts: the local nodes
         that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
         """

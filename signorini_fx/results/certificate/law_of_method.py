@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from dolfinx import fem
@@ -17,7 +17,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.effects.contact import Overclosure
+    from signorini_fx.mechanics.effects.contact import Contact, Overclosure
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Law:
 UNREGULARISED = Law()
 
 
-def overclosures_of(contacts: Sequence[Any]) -> dict[int, Overclosure]:
+def overclosures_of(contacts: Sequence[Contact]) -> dict[int, Overclosure]:
     """The laws of soft contact by the places of their contacts."""
     laws = (
         (number, getattr(contact, "overclosure", None)) for number, contact in enumerate(contacts)

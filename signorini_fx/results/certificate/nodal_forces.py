@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -36,6 +36,9 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 
 class NodalForces:
@@ -81,7 +84,7 @@ class NodalForces:
         return self._on.elastic.displacement()
 
     @shared_in("_of_forms")
-    def _given(self) -> tuple[Any, Any, Callable[[float], None]]:
+    def _given(self) -> tuple[Expr | None, Expr | None, Callable[[float], None]]:
         """Initial strains and jumps of the displacement, UFL, None without any, and what moves them
         to a place.
         """
@@ -92,7 +95,7 @@ class NodalForces:
         for own, given in zip(fields_of(self._y), fields_of(displacement), strict=True):
             own.x.array[:] = given.x.array
 
-    def _at_step(self, step: float) -> tuple[Any, Any, int]:
+    def _at_step(self, step: float) -> tuple[Expr | None, Expr | None, int]:
         """Initial strains and jumps of a load step, UFL, or None, and the degree of quadrature of
         the former.
         """
@@ -101,7 +104,9 @@ class NodalForces:
         acting = [entry for entry in self.statement.of(InitialStrain) if entry.acts]
         return strain, jump, acting[0].degree(self.statement.element.degree) if acting else 0
 
-    def _compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
+    def _compiled(
+        self, name: Hashable, terms: Callable[[], Sequence[ufl.Form | fem.Form | None]]
+    ) -> Sequence[fem.Form]:
         """Terms compiled once, each by itself: FFCx 0.9 compiles a form of one point beside another
         one wrongly.
         """
@@ -169,7 +174,7 @@ class NodalForces:
         at = jump.on(self.space)
         elastic = self._on.elastic
 
-        def stress() -> list[Any]:
+        def stress() -> list[ufl.Form]:
             free = () if strain is None else elastic.initial_terms(at, None, strain, degree)
             return [*elastic.force_terms(self._y, at, self._y + jumps), *(-term for term in free)]
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,14 +24,17 @@ from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
 
 @dataclass(frozen=True)
 class PairPoints:
     """The n contact points of a pair on this rank; methods are collective."""
 
     sides: FacingSides  # both, undeformed
-    slave: Any  # D, sparse, shape (n, nodes of the slave)
-    master: Any  # M, sparse, shape (n, nodes of the master)
+    slave: csr_matrix  # D, sparse, shape (n, nodes of the slave)
+    master: csr_matrix  # M, sparse, shape (n, nodes of the master)
     across: Array  # projectors onto the directions across planes of symmetry, shape (n, d, d)
     kept: PairedSides | None = None  # the pair, if points keep their partners
     moving: MovingPair | None = (
