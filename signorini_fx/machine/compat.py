@@ -48,13 +48,13 @@ def interpolation_points(element: Any) -> Array:
     return points() if callable(points) else points
 
 
-def cell_name(domain: Any) -> str:
+def cell_name(domain: mesh.Mesh) -> str:
     """The name of the cells of a mesh in UFL: a method until 0.9, a property since."""
     name = domain.ufl_cell().cellname
     return str(name() if callable(name) else name)
 
 
-def _cmap(geometry: Any) -> Any:
+def _cmap(geometry: Any) -> cpp.fem.CoordinateElement_float64:
     """Return the geometry map of a mesh; dolfinx 0.11 has one for each kind of cell."""
     return geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
 
@@ -64,14 +64,16 @@ def geometry_degree(domain: mesh.Mesh) -> int:
     return int(_cmap(domain.geometry).degree)
 
 
-def geometry_element(domain: mesh.Mesh) -> Any:
+def geometry_element(domain: mesh.Mesh) -> basix.finite_element.FiniteElement:
     """The Lagrange element of the geometry of the cells, as basix has it."""
     cmap = _cmap(domain.geometry)
     return lagrange(domain.topology.cell_name(), cmap.degree, basix.LagrangeVariant(cmap.variant))
 
 
 @cache
-def lagrange(cell: str, degree: int, variant: basix.LagrangeVariant) -> Any:
+def lagrange(
+    cell: str, degree: int, variant: basix.LagrangeVariant
+) -> basix.finite_element.FiniteElement:
     """The scalar Lagrange element on a kind of cell, as basix has it."""
     return basix.create_element(
         basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant
@@ -90,7 +92,7 @@ def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) ->
     return inner._cpp_object
 
 
-def geometry_in_space(domain: mesh.Mesh) -> Any:
+def geometry_in_space(domain: mesh.Mesh) -> cpp.mesh.Geometry_float64:
     """The geometry of a mesh, whose points get three coordinates, for a mesh of the same
     topology.
     """
@@ -109,7 +111,7 @@ def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
     return [np.asarray(cpp.fem.pack_constants(wrapped(form))), *(packed[kind] for kind in kinds)]
 
 
-def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
+def topology(holder: mesh.Mesh | mesh.MeshTags) -> cpp.mesh.Topology:
     """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10,
     for comparison.
     """

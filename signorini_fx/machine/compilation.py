@@ -78,7 +78,7 @@ def _locks() -> Iterator[None]:
     look: Callable[..., Any] = jit.get_cached_module
     with ExitStack() as held:
 
-        def locked(module: str, objects: Any, folder: Any, timeout: int) -> Any:
+        def locked(module: str, objects: list[str], folder: Path, timeout: int) -> Any:
             key = (str(folder), module)
             if key in _LOADED:
                 return _LOADED[key]

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from signorini_fx.errors import MissingPackageError
 from signorini_fx.machine.terminal import printable
 from signorini_fx.records import Status, StepRecord
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
@@ -29,7 +32,7 @@ def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: s
     return f"<table>{rows_of_names}<tbody>{body}</tbody></table>"
 
 
-def dataframe(columns: Any) -> Any:
+def dataframe(columns: Any) -> DataFrame:
     """Return columns by their names, or rows, as a ``pandas.DataFrame``.
 
     Raises:

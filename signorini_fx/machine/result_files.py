@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +18,15 @@ from signorini_fx.errors import ResultError
 from signorini_fx.machine.manifest import PART
 from signorini_fx.machine.terminal import printable
 
+if TYPE_CHECKING:
+    pass
+
 # Columns of our files that are text even if every entry looks like a number: a boundary may be
 # called "1".
 _TEXT_COLUMNS = frozenset({"against", "boundary", "friction", "name", "state", "status"})
 # The columns of a table by name, arrays of one entry per row.
-Table = Mapping[str, Any]
+Cell = bool | int | float | str | None
+Table = Mapping[str, npt.NDArray[np.generic] | Sequence[Cell]]
 
 
 def folder_path(folder: object) -> Path:
@@ -36,7 +40,7 @@ def folder_path(folder: object) -> Path:
     raise TypeError(f"the path of a folder is expected, not {type(folder).__name__}")
 
 
-def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+def write_csv(path: Path, rows: Iterable[Mapping[str, Cell]]) -> None:
     """Rows with a header; see ``write_columns``."""
     rows = list(rows)
     names = dict.fromkeys(chain.from_iterable(rows))
@@ -55,7 +59,7 @@ def write_columns(path: Path, columns: Table) -> None:
             writer.writerows(zip(*map(_cells, columns.values()), strict=True))
 
 
-def _cells(column: Sequence[Any]) -> list[Any]:
+def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Any]:
     """The values of a column as they are written in a CSV file."""
     values = column.tolist() if isinstance(column, np.ndarray) else column
     values = [value.item() if isinstance(value, np.generic) else value for value in values]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Interval(tuple[float, float]):
         found.assumed = assumed
         return found
 
-    def __getnewargs__(self) -> Any:
+    def __getnewargs__(self) -> tuple[float, float, str]:
         """Return the arguments of the constructor, for copies on other ranks."""
         return (*self, self.assumed)
 
@@ -89,7 +89,7 @@ class ErrorBound:
             self.assumed,
         )
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, float | list[float] | str | None]:
         """JSON-safe; null for a relative error without a bound."""
         return {
             "relative_error": self.relative if np.isfinite(self.relative) else None,

@@ -54,6 +54,8 @@ def perhaps(text: str = "", unit: str = "") -> Any:
 
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     Number = float | None
     Vector = list[float | None]
 else:
@@ -580,7 +582,7 @@ class Results:
         except (OSError, ValueError) as error:
             raise ResultError(f"{self.path}: {name}.csv cannot be read: {error}") from None
 
-    def to_dataframe(self, name: str) -> Any:
+    def to_dataframe(self, name: str) -> DataFrame:
         """Return a table as a ``pandas.DataFrame``, see ``table``."""
         return dataframe(self.table(name))
 
