@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log2
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -41,6 +41,9 @@ from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.step import Report
 from signorini_fx.solving.to_accuracy import Meshes
 from signorini_fx.tuned import COARSER_START, SAME_LENGTH
+
+if TYPE_CHECKING:
+    pass
 
 
 @dataclass(frozen=True)

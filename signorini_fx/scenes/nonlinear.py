@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mpi4py.MPI
 import numpy as np
@@ -53,6 +53,10 @@ from signorini_fx.solving.findings import (
 )
 from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
+    from signorini_fx.mechanics.laws.protocol import FrictionLaw
 
 # Settings that a nonlinear problem has not, with the values that change nothing.
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
@@ -342,7 +346,7 @@ class ProblemOfScene(NonlinearContactProblem):
         ]
         return np.concatenate([super()._loaded(), *map(self.model.tagged.facets, named)])
 
-    def _move(self, contacts: Sequence[Any]) -> None:
+    def _move(self, contacts: Sequence[Contact]) -> None:
         """Put the foundations where contacts have them, and take their gaps and friction."""
         for number, (entry, given) in enumerate(zip(contacts, self.statement.contact, strict=True)):
             if given.gap_timed:
@@ -405,7 +409,7 @@ def _cures(statement: Statement) -> dict[Status, str]:
     return cures
 
 
-def _at_its_time(friction: Any) -> Any:
+def _at_its_time(friction: Any) -> FrictionLaw:
     """A friction law at a time, with functions of the place alone in place of expressions of the
     time.
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, Self, TypeVar, cast, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, cast, get_origin
 
 from pydantic import BeforeValidator, model_validator
 
@@ -29,6 +29,9 @@ from signorini_fx.mechanics.statement.rigid_body import rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings, Units
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import Accepts, Entries
+
+if TYPE_CHECKING:
+    pass
 
 _Table = TypeVar("_Table")
 One = Accepts[_Table | Mapping[str, Any], _Table]
@@ -53,7 +56,7 @@ _SETTINGS = (
 )
 
 
-def _may_be_remade(mesh: Any) -> bool:
+def _may_be_remade(mesh: OneMesh | None) -> bool:
     """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their
     modules know.
     """

@@ -4,10 +4,10 @@ rank.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -28,6 +28,7 @@ from signorini_fx.solving.solve_on_mesh import StatedProblem, solve_mesh, stated
 
 if TYPE_CHECKING:
     from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
+    from signorini_fx.records import Observer
     from signorini_fx.solving.restart import StoredStates
 
 
@@ -37,7 +38,7 @@ def solve(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     check: bool = True,
-    observers: Sequence[Callable[[Any], None]] = (),
+    observers: Sequence[Observer] = (),
     checkpoint: str | Path | None = None,
     restart: bool = False,
     state: State | None = None,

@@ -14,7 +14,7 @@ from contextlib import ExitStack, suppress
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
@@ -45,6 +45,10 @@ from signorini_fx.solving.solve_on_mesh import (
 )
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Row = dict[str, bool | float | str | None]  # figures of a solution, with what was changed
 _TABLE, _STORED = "sweep.csv", "sweep.json"
 # The figures of a row.
 FIGURES = (
@@ -104,7 +108,7 @@ class Sweep(Iterator[Solution]):
     def __next__(self) -> Solution:
         return next(self._solved)[1]
 
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> DataFrame:
         """Solve what is left, and return a row of figures for each of it, see ``row_of``, as a
         ``pandas.DataFrame``.
 
@@ -203,7 +207,7 @@ class SweepFolder(ResultFolder):
         self._changes = changes
         study = {"values": list(changes), "scene": described_scene(scene)}
         self._study = json.loads(json.dumps(study))
-        self.rows: list[dict[str, Any]] = []
+        self.rows: list[Row] = []
 
     def recall(self) -> None:
         """Take the values that a sweep has stored before it was killed.
@@ -213,9 +217,7 @@ class SweepFolder(ResultFolder):
         """
         self.rows = parallel.on_root(self._comm, self._stored)
 
-    def solved(
-        self, scene: Scene, jobs: int, begin: Callable[[], None]
-    ) -> Iterator[dict[str, Any]]:
+    def solved(self, scene: Scene, jobs: int, begin: Callable[[], None]) -> Iterator[Row]:
         """Solve what is left, write each result, and yield its row; ``jobs``: so many processes of
         one rank side by side, each of which begins with ``begin``.
         """
@@ -256,7 +258,7 @@ class SweepFolder(ResultFolder):
         stored = {"study": self._study, "rows": self.rows}
         (self.part / _STORED).write_text(json.dumps(stored), encoding="utf-8")
 
-    def _stored(self) -> list[dict[str, Any]]:
+    def _stored(self) -> list[Row]:
         """The rows of an earlier run; on one rank."""
         try:
             stored = json.loads((self.path / _STORED).read_text(encoding="utf-8"))
@@ -269,21 +271,21 @@ class SweepFolder(ResultFolder):
         return list(stored["rows"])
 
 
-def _written(solution: Solution, point: tuple[Scene, Mapping[str, Any], Path]) -> dict[str, Any]:
+def _written(solution: Solution, point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
     """Write the result of a combination of values, and return its row; collective."""
     _, change, folder = point
     write_results(solution, folder, fields=False, pictures=False)
     return row_of(change, solution)
 
 
-def _solved_alone(point: tuple[Scene, Mapping[str, Any], Path]) -> dict[str, Any]:
+def _solved_alone(point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
     """Solve a combination of values in a process of its own."""
     scene, change, _ = point
     (solution,) = solutions_of(scene, [change], MPI.COMM_SELF)
     return _written(solution, point)
 
 
-def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
+def row_of(change: Mapping[str, Any], solution: Solution) -> Row:
     """The row of a combination of values in sweep.csv; collective.
 
     It has these values by their paths, ``status``, ``linear_solves``, ``certificate_holds`` and
@@ -345,7 +347,7 @@ def heading(paths: Sequence[str]) -> str:
     return "  ".join([*entries, *(f"{name:>14s}".replace("_", " ") for name in FIGURES), "outcome"])
 
 
-def line_of(paths: Sequence[str], row: dict[str, Any]) -> str:
+def line_of(paths: Sequence[str], row: Row) -> str:
     """A row as a line of text; without contact there are no figures of it."""
     values = [f"{row[path]!s:>12s}" for path in paths]
     figures = [f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES]

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from signorini_fx.errors import (
     OptionsError,
@@ -37,6 +37,7 @@ from signorini_fx.scenes.cli.grammar import (
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from signorini_fx.records import Record
     from signorini_fx.scenes.scene import Scene
 
 
@@ -105,11 +106,11 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     line = ProgressLine()
 
-    def show(record: Any) -> None:
+    def show(record: Record) -> None:
         line.erase()
         terminal.say_once(comm, table_row(record))
 
-    observers: list[Callable[[Any], None]] = [
+    observers: list[Callable[[Record], None]] = [
         *[show] * options.verbose,
         *[line] * (not options.quiet),
     ]

@@ -9,11 +9,14 @@ import difflib
 import re
 import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from signorini_fx import __version__
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
+
+if TYPE_CHECKING:
+    pass
 
 EXIT_OK = 0
 EXIT_NO_SOLUTION = 1
@@ -30,7 +33,7 @@ class _Parser(argparse.ArgumentParser):
         if message and terminal.started_as_root():
             terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
 
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
+    def _check_value(self, action: argparse.Action, value: str) -> None:
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError:
