@@ -6,7 +6,7 @@ import ast
 import math
 from collections.abc import Iterator
 from itertools import combinations, pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.statement.values import Value
+
 # What a guaranteed bound is for; what else a scene has is named behind it.
 BOUNDED = (
     "a guaranteed bound is for bodies of triangles or tetrahedra with constant moduli, under "
@@ -39,14 +42,14 @@ def refused(*names: str) -> Refused:
     return Refused(f"{BOUNDED}; this scene has {', '.join(dict.fromkeys(names))}")
 
 
-def _is_polynomial(value: Any, degree: int) -> bool:
+def _is_polynomial(value: Value, degree: int) -> bool:
     """Whether a value of a scene is a polynomial of the position of a degree at most."""
     if isinstance(value, Expression):
         return not _switches(value.tree) and _degree(value.tree) <= degree
     return isinstance(value, float)
 
 
-def _is_linear(value: Any) -> bool:
+def _is_linear(value: Value) -> bool:
     """Whether a value is linear between known places, maybe at nodes: zeros of linear switches,
     which do not jump.
     """
@@ -56,7 +59,7 @@ def _is_linear(value: Any) -> bool:
     return known and _degree(value.tree) <= 1
 
 
-def refuse_jumps(value: Any, x: Array, label: str) -> None:
+def refuse_jumps(value: Value, x: Array, label: str) -> None:
     """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d):
     what decides how it goes on changes its sign there.  Comparisons give the difference of both
     sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min`` and ``max`` the

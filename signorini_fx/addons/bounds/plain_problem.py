@@ -121,7 +121,7 @@ def _of_facets(model: Model, named: str | None) -> Rows:
     return rows
 
 
-def _numbers(model: Model, nodes: npt.NDArray[Any]) -> Ints:
+def _numbers(model: Model, nodes: Ints) -> Ints:
     """Global numbers of nodes of the mesh of this rank."""
     names = model.tagged.mesh.geometry.index_map().local_to_global(nodes.ravel().astype(np.int32))
     return np.asarray(names, dtype=np.int64).reshape(nodes.shape)
@@ -160,7 +160,7 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
     return rows | {"stiffness": at_cells[:, axes][:, :, axes]}
 
 
-def _values_of(part: Any, cells: Ints) -> Array:
+def _values_of(part: fem.Function | fem.Constant, cells: Ints) -> Array:
     """Return the values of a coefficient in cells, shape (n,)."""
     if isinstance(part, fem.Function):
         return part.x.array[part.function_space.dofmap.list[cells, 0]]

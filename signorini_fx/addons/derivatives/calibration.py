@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -154,7 +153,7 @@ def calibrate(
 
 def _changed(scene: Scene, by: Sequence[str], values: Array) -> Scene:
     """The scene with other values of data."""
-    new: dict[str, Any] = dict(zip(by, map(float, values), strict=True))
+    new: dict[str, float] = dict(zip(by, map(float, values), strict=True))
     return parse_scene(changed(scene, new))
 
 

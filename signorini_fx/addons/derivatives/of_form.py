@@ -52,7 +52,7 @@ class OfForm(Functional):
         return assemble(self.derivative)
 
 
-def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
+def _quantity_of(wanted: ufl.Form | str, u: fem.Function, body: Callable[[], Model]) -> Functional:
     """A result, see ``ContactProblem.gradient``: a form, or words with a contact by its name or
     number; collective.
     """
@@ -78,7 +78,7 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Fun
         ) from None
 
 
-def _checked(by: Sequence[Any]) -> list[fem.Constant]:
+def _checked(by: fem.Constant | Sequence[fem.Constant]) -> list[fem.Constant]:
     """The Constants."""
     constants = [by] if isinstance(by, fem.Constant) else list(by)
     wrong = [
@@ -123,8 +123,8 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
 
 
 def gradient(
-    of: Any,
-    by: Sequence[Any],
+    of: ufl.Form | str,
+    by: fem.Constant | Sequence[fem.Constant],
     body: Callable[[], Model],
     step: tuple[Any, ...],
     data: Callable[[], tuple[Any, ...]],

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import JUDGED_INCREMENTS, NOTABLE
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
         yield Alternative(text, 0.0, NOTABLE * size, partial(_opened, scene, number))
 
 
-def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternative]:
+def _of_friction(scene: Scene, number: int, contact: Contact) -> Iterator[Alternative]:
     """Yield another coefficient or bound of friction; without friction a coefficient."""
     friction = contact.friction
     law = friction.model_dump()

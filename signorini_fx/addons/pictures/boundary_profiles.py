@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, groupby, pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -38,6 +38,9 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 
+if TYPE_CHECKING:
+    from signorini_fx.arrays import Columns
+
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray
 # print.
@@ -58,7 +61,7 @@ class ContactColumns:
     """A contact boundary by its name, with its columns of ``contact.csv``, each of shape (n,)."""
 
     name: str
-    columns: Mapping[str, Any]
+    columns: Columns
 
     def floats(self, name: str) -> Array:
         """A numeric column, shape (n,)."""
@@ -111,7 +114,7 @@ class ContactColumns:
         return [str(key) for key in np.where(self.touching, closed, "open")]
 
 
-def by_boundary(table: Mapping[str, Any], polygons: Ints) -> Iterator[tuple[ContactColumns, Ints]]:
+def by_boundary(table: Columns, polygons: Ints) -> Iterator[tuple[ContactColumns, Ints]]:
     """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m,
     k).
     """

@@ -5,9 +5,8 @@ slip.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -43,6 +42,9 @@ from signorini_fx.addons.pictures.style import (
 from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
+
+if TYPE_CHECKING:
+    from signorini_fx.arrays import Columns
 
 # The rows of a facet in the order of VTK, as polygons of vertices.
 _POLYGONS = {
@@ -81,7 +83,7 @@ class VisibleSide(ContactColumns):
         return seen
 
 
-def sides_of(table: Mapping[str, Any], facets: Ints) -> list[VisibleSide]:
+def sides_of(table: Columns, facets: Ints) -> list[VisibleSide]:
     """The contact boundaries in their order, each as seen along the mean normal of the facets in
     contact.
 
@@ -109,7 +111,7 @@ def sides_of(table: Mapping[str, Any], facets: Ints) -> list[VisibleSide]:
 
 
 @mpl.rc_context(STYLE)
-def contact_surface(table: Mapping[str, Any], facets: Ints) -> Figure:
+def contact_surface(table: Columns, facets: Ints) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
     Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -21,6 +21,9 @@ from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_ZONE, VISIBLE_CELL
+
+if TYPE_CHECKING:
+    from typing import Any
 
 _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)

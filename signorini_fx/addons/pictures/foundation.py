@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +22,13 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.fields import facets_of
 from signorini_fx.tuned import SEEN_AS_IT_IS, SHARP_EDGE, SMALL_PART
 
+if TYPE_CHECKING:
+    from typing import Any
+
 _BENT = math.cos(math.radians(SHARP_EDGE))
+
+# In 2D lines, in 3D points and triangles.
+DrawnSurface = list[Array] | tuple[Array, Ints]
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,7 @@ class Foundation:
 def foundations_of(
     table: ContactTable,
     motions: Mapping[str, Callable[[Array], Array]],
-    shapes: Mapping[str, Any],
+    shapes: Mapping[str, DrawnSurface],
 ) -> list[Foundation]:
     """What each contact boundary may touch, in 2D each connected part of it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -22,6 +22,9 @@ from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.results.fields import computed_fields
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
+
+if TYPE_CHECKING:
+    from basix.finite_element import FiniteElement
 
 # Of reference points in cells of this rank, shape (cells, points, ...).
 Values = Callable[[Array, Indices], Array]
@@ -151,7 +154,7 @@ def _values_at(function: fem.Function, points: Array, cells: Indices) -> Array:
     return np.einsum("pk,ckx->cpx", basis, nodal)
 
 
-def _basis(element: Any, points: Array) -> Array:
+def _basis(element: FiniteElement, points: Array) -> Array:
     return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(
         len(points), element.dim
     )

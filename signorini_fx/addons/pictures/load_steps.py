@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -31,6 +31,9 @@ from signorini_fx.arrays import Array
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
+if TYPE_CHECKING:
+    from signorini_fx.arrays import Columns
+
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)
 _MOST_PROFILES = 5
 _NOUGHT = 1e-6  # of the largest force: components below are zero up to round-off, and are not shown
@@ -48,7 +51,7 @@ class _Curve:
 
 @mpl.rc_context(STYLE)
 def load_steps(
-    steps: Mapping[str, Any],
+    steps: Columns,
     *,
     around: bool = False,
     between: Sequence[tuple[float, Mapping[str, float]]] = (),
@@ -114,7 +117,7 @@ def _energies(between: Sequence[tuple[float, Mapping[str, float]]]) -> list[_Cur
     return [_Curve(label, times, values) for label, values in curves.items()]
 
 
-def _columns(steps: Mapping[str, Any], kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
+def _columns(steps: Columns, kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
     """The components of a quantity of a boundary over time."""
     words = {
         "friction_moment": "moment of friction",
@@ -135,7 +138,7 @@ def _columns(steps: Mapping[str, Any], kind: str, axes: Sequence[str], end: str)
     ]
 
 
-def _over_motion(steps: Mapping[str, Any], end: str, friction: Sequence[_Curve]) -> _Curve:
+def _over_motion(steps: Columns, end: str, friction: Sequence[_Curve]) -> _Curve:
     """The largest component of friction over the motion along it, in 2D along the boundary; or the
     torque.
     """
@@ -182,7 +185,7 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
 
 
 @mpl.rc_context(STYLE)
-def profiles_by_step(table: Mapping[str, Any], names: Sequence[str]) -> Figure:
+def profiles_by_step(table: Columns, names: Sequence[str]) -> Figure:
     """Draw what effects in time add to contact, such as wear, along the boundary that has the most
     of it, after some of the load steps, the later the darker.  ``table``: columns of
     ``contact_steps.csv``; ``names``: those to draw.

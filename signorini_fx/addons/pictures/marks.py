@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,8 @@ from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.tuned import ARROWS_AROUND, USUAL_COLOURS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from signorini_fx.addons.pictures.view import Camera
 
 
@@ -143,7 +145,7 @@ class Tones:
         """Return the norm from values times the power of ten to [0, 1]."""
         return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
 
-    def bar(self, figure: Figure, axes: Any) -> Colorbar:
+    def bar(self, figure: Figure, axes: Axes | Sequence[Axes]) -> Colorbar:
         """The colour bar below the axes, with arrows where there is more than the scale shows."""
         margin = 1e-3 * (self.high - self.low)
         values = self.values[np.isfinite(self.values)]

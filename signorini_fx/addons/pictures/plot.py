@@ -8,7 +8,7 @@ from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,6 +25,9 @@ from signorini_fx.results.fields import grid_of, write_vtu
 from signorini_fx.results.files import write_results
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
+
+if TYPE_CHECKING:
+    from pyvista import Plotter, UnstructuredGrid
 
 # Of a moving picture of one load step.
 _FRAMES = 12
@@ -112,7 +115,7 @@ def _draw_on(ax: Axes, solution: Solution, field: str | Sequence[str]) -> None:
         draw_on_axes(ax, body, name)
 
 
-def _grids(solution: Solution, steps: Sequence[StepResult]) -> list[Any]:
+def _grids(solution: Solution, steps: Sequence[StepResult]) -> list[UnstructuredGrid]:
     """Return the grids of load steps as ParaView would read them, on the first rank; none on the
     others; collective.
     """
@@ -131,7 +134,7 @@ def _grids(solution: Solution, steps: Sequence[StepResult]) -> list[Any]:
 
 def plotter(
     solution: Solution, field: str = "", *, times: float | None = None, **options: Any
-) -> Any:
+) -> Plotter | None:
     """Return a plotter with the deformed body, see ``Solution.plotter``; collective."""
     for grid in _grids(solution, [solution.last_step]):
         scene = ready_pyvista().Plotter(**options)
@@ -175,9 +178,9 @@ def animate(
 
 
 def _show(
-    scene: Any,
-    grid: Any,
-    steps: Sequence[Any],
+    scene: Plotter,
+    grid: UnstructuredGrid,
+    steps: Sequence[UnstructuredGrid],
     field: str,
     times: float | None,
     share: float = 1.0,
@@ -201,7 +204,7 @@ def _show(
         scene.view_xy()
 
 
-def pyvista_grid(solution: Solution) -> Any:
+def pyvista_grid(solution: Solution) -> UnstructuredGrid | None:
     """Return the mesh with the displacement and the stresses, for PyVista, on the first rank;
     None on the others; collective.
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,9 @@ from signorini_fx.results.solution import Solution
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from signorini_fx.addons.pictures.foundation import DrawnSurface
     from signorini_fx.addons.pictures.setup import Setup
+    from signorini_fx.arrays import Columns
 
 
 def gather_pictures(
@@ -97,7 +99,7 @@ class ResultPictures:
     body: DrawnBody | None = None  # None if it has too many facets
     # of each boundary whose foundation is a shape its lines, or points and triangles, where it is,
     # to be drawn where nothing is magnified; see ``rigid_shapes``
-    shapes: Mapping[str, Any] = field(default_factory=dict)
+    shapes: Mapping[str, DrawnSurface] = field(default_factory=dict)
     # what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it
     # was
     setup: Setup | None = None
@@ -106,8 +108,8 @@ class ResultPictures:
         self,
         folder: Path,
         contact: ContactTable | None,
-        steps: Mapping[str, Any] | None,
-        profiles: Mapping[str, Any] | None = None,
+        steps: Columns | None,
+        profiles: Columns | None = None,
     ) -> None:
         """All of them.  ``steps``: columns of steps.csv; ``profiles``: of contact_steps.csv.
 
@@ -154,7 +156,7 @@ class ResultPictures:
             else foundations_of(contact, rigid_motions_of(self.solution), self.shapes)
         )
         draw: Callable[..., tuple[Figure, str]]
-        beside: dict[str, Any] = {}  # of the first picture alone
+        beside: dict[str, tuple[Array, Ints, Array] | None] = {}  # of the first picture alone
         if self._dimension == 2:
             from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw
         else:
@@ -176,7 +178,7 @@ class ResultPictures:
             )
 
     def _draw_curves(
-        self, folder: Path, contact: ContactTable | None, steps: Mapping[str, Any] | None
+        self, folder: Path, contact: ContactTable | None, steps: Columns | None
     ) -> None:
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from signorini_fx.addons.pictures.body import normals_of
+from signorini_fx.addons.pictures.foundation import DrawnSurface
 from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -20,6 +21,9 @@ from signorini_fx.tuned import (
     FOUNDATION_GRID_IN_SPACE,
     WHOLE_FOUNDATION,
 )
+
+if TYPE_CHECKING:
+    pass
 
 Triangles = tuple[Array, Ints]
 
@@ -73,7 +77,7 @@ def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Array], Array]]:
     }
 
 
-def drawn_shapes(solution: Solution) -> dict[str, Any]:
+def drawn_shapes(solution: Solution) -> dict[str, DrawnSurface]:
     """Return for each contact boundary whose foundation is a shape the drawing of the moved shape;
     collective. In 2D these are lines, see ``lines_of``; in 3D points and triangles, see
     ``triangles_of``, if PyVista is installed.
@@ -83,7 +87,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     """
     tagged = solution.model.tagged
     last = solution.last_step
-    drawn = dict[str, Any]()
+    drawn = dict[str, DrawnSurface]()
     motions = rigid_motions_of(solution)
     if tagged.dimension == 3 and not parallel.on_root(
         solution.comm, lambda: find_spec("pyvista") is not None

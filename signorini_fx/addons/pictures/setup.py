@@ -154,7 +154,7 @@ class Setup:
             finish(figure, path_stem, plain(self.title), suffixes)
 
     @property
-    def _coloured(self) -> list[tuple[NamedBoundary, str, Any]]:
+    def _coloured(self) -> list[tuple[NamedBoundary, str, str | tuple[float, tuple[float, ...]]]]:
         """Each boundary with facets, its colour, and the style of its line; both sides of a pair
         are alike.
         """
@@ -163,7 +163,7 @@ class Setup:
         styles = _LINES if self.polygons.shape[2] == 2 else _LINES[:1]  # in 3D facets are coloured
         lines = [styles[min(k // count, len(styles) - 1)] for k in range(len(shown))]
         names = [boundary.name for boundary in shown]
-        found = list[tuple[NamedBoundary, str, Any]]()
+        found = list[tuple[NamedBoundary, str, str | tuple[float, tuple[float, ...]]]]()
         for own, boundary in enumerate(shown):
             k = min([own, *(names.index(name) for name in boundary.partners if name in names)])
             found.append((boundary, _COLOURS[k % count], lines[k]))
@@ -174,7 +174,7 @@ class Setup:
         """The longest side of the body."""
         return float(np.ptp(self.polygons.reshape(-1, self.polygons.shape[2]), axis=0).max())
 
-    def _plane(self) -> tuple[Figure, Callable[[Any], Any], None]:
+    def _plane(self) -> tuple[Figure, Callable[[Array], Array], None]:
         points = self.polygons.reshape(-1, 2)
         aside = (0.17 if self._acts else 0.05) * self._size
         low = points.min(axis=0) - aside
@@ -217,7 +217,7 @@ class Setup:
         axes.spines[:].set_visible(False)
         return figure, np.asarray, None
 
-    def _space(self) -> tuple[Figure, Callable[[Any], Any], Array]:
+    def _space(self) -> tuple[Figure, Callable[[Array], Array], Array]:
         """The colours of the boundaries are those of their facets."""
         from signorini_fx.addons.pictures.solid import Solid, figure_of, seen_parts
 
@@ -265,7 +265,7 @@ class Setup:
         """Return whether something acts on a boundary."""
         return any(boundary.kinds for boundary in self.boundaries)
 
-    def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Array | None) -> None:
+    def _mark(self, axes: Axes, flat: Callable[[Array], Array], toward: Array | None) -> None:
         """Arrows and supports, on the sides that face the viewer, or on those behind where there
         are no others.
         """
@@ -303,7 +303,7 @@ class Setup:
 
         self._draw_others(axes, flat)
 
-    def _draw_others(self, axes: Axes, flat: Callable[[Any], Any]) -> None:
+    def _draw_others(self, axes: Axes, flat: Callable[[Array], Array]) -> None:
         """Draw a named arrow to the point of each load that acts on no boundary, or from the middle
         of the body.
         """
@@ -319,11 +319,11 @@ class Setup:
     def _arrows(
         self,
         axes: Axes,
-        flat: Callable[[Any], Any],
+        flat: Callable[[Array], Array],
         at: Array,
         normals: Array,
         vectors: Array,
-        **style: Any,
+        **style: str | float,
     ) -> None:
         """Draw arrows of vectors of length 1 at most; those into the body end at it, the others
         begin there.

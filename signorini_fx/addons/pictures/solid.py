@@ -11,7 +11,7 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -45,6 +45,10 @@ from signorini_fx.tuned import (
     VISIBLE_FACET,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
+    from pyvista import Actor, Plotter, PolyData
+
 GROUND = "#dcdcdc"
 _LABELS = 0.8  # inches beside the body
 # Pixels across a picture in which parts are looked for, and least ones from the rim of a part.
@@ -63,7 +67,7 @@ class Solid:
     triangles: Ints  # of the surface, counterclockwise as seen from outside, shape (t, 3)
     values: Array  # the field at their corners, shape (t, 3)
     limits: tuple[float, float]  # values of the first and the last colour
-    colours: Any = None  # a colour map of matplotlib; None: that of all fields
+    colours: Colormap | None = None  # a colour map of matplotlib; None: that of all fields
     edges: Ints | None = None  # lines of the mesh to draw, pairs of points, shape (e, 2)
     # points and triangles of a body whose outline is drawn; None: there is none
     around: tuple[Array, Ints] | None = None
@@ -307,7 +311,7 @@ def image(
         plotter.close()
 
 
-def _draw(plotter: Any, solid: Solid) -> None:
+def _draw(plotter: Plotter, solid: Solid) -> None:
     """The body and what is around it."""
     import pyvista
 
@@ -347,14 +351,14 @@ def _draw(plotter: Any, solid: Solid) -> None:
         plotter.add_mesh(rim, color=MUTED, line_width=1.5)
 
 
-def _add_body(plotter: Any, body: Any, solid: Solid, **light: Any) -> Any:
+def _add_body(plotter: Plotter, body: PolyData, solid: Solid, **light: float) -> Actor:
     """Add triangles, each with points of its own, in the colours of the field."""
     body.point_data["field"] = solid.values.ravel()
     colours = {"cmap": solid.colours or VALUES, "clim": solid.limits, "nan_color": GROUND}
     return plotter.add_mesh(body, show_scalar_bar=False, scalars="field", **colours, **light)
 
 
-def _surface(points: Array, polygons: Ints) -> Any:
+def _surface(points: Array, polygons: Ints) -> PolyData:
     import pyvista
 
     faces = np.column_stack((np.full(len(polygons), polygons.shape[1]), polygons))

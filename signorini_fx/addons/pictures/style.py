@@ -41,7 +41,7 @@ MULTIPLIER: dict[str, Any] = {"color": INK, "linewidth": 1.5}
 LIMIT: dict[str, Any] = {"color": MUTED, "linewidth": 1.3, "linestyle": (0, (1, 1.4))}
 MOTION: dict[str, Any] = {"color": BLUE, "linewidth": 1.3, "linestyle": (0, (4.5, 1.8))}
 # Arrows whose lengths are those of the coordinates.
-IN_DATA_UNITS: dict[str, Any] = {
+IN_DATA_UNITS: dict[str, str | float] = {
     "angles": "xy",
     "scale_units": "xy",
     "scale": 1.0,

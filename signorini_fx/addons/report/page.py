@@ -12,7 +12,7 @@ import os
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from signorini_fx import __version__
 from signorini_fx.addons.report import sections
@@ -25,6 +25,9 @@ from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.statement.units import labelled, names_of
 from signorini_fx.quantities.shown import was_solved
+
+if TYPE_CHECKING:
+    from signorini_fx.quantities.shown import Summary
 
 PAGE = "report.html"
 # By this a page is known to be one of these.
@@ -62,7 +65,7 @@ def page(folder: Path, only: Sequence[str] = ()) -> str:
         ) from error
 
 
-def _page(summary: dict[str, Any], folder: Path, only: Sequence[str]) -> str:
+def _page(summary: Summary, folder: Path, only: Sequence[str]) -> str:
     name = folder.resolve().name
     solved = was_solved(summary)
     contact = "contact_nodes" in summary

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report.markup import (
@@ -39,6 +39,9 @@ from signorini_fx.quantities.shown import (
 from signorini_fx.quantities.summary import CertificateFigures
 from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+
+if TYPE_CHECKING:
+    from signorini_fx.arrays import Columns
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
 _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
@@ -220,7 +223,7 @@ def contact(summary: Summary, folder: Path) -> Markup:
     return _drawn(folder, "profiles.png", "curves along the contact boundary", caption)
 
 
-def steps(steps: dict[str, Any], summary: Summary, folder: Path) -> Markup:
+def steps(steps: Columns, summary: Summary, folder: Path) -> Markup:
     """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
     who, whom = _sides(summary)
     caption = (
@@ -347,7 +350,7 @@ def convergence_table(rows: list[dict[str, Any]]) -> Markup:
     )
 
 
-def _two_digits(value: float | None) -> Any:
+def _two_digits(value: float | None) -> float | str | None:
     """An estimate with the digits that it has."""
     return float(f"{value:.2g}") if isinstance(value, float) else value
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -23,6 +23,9 @@ from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine.result_files import read_csv
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.tuned import SAME_LENGTH
+
+if TYPE_CHECKING:
+    from signorini_fx.quantities.shown import Summary
 
 # Larger surfaces, and more load steps, would make the page slow to load.
 _MOST_CORNERS, _MOST_STEPS = 40_000, 12
@@ -39,7 +42,7 @@ _RAW = "von_mises"  # which the recovered one stands for, where there is one
 _NUMBERS = {"Float64": np.float64, "Int64": np.int64, "UInt8": np.uint8}
 
 
-def turning_body(summary: Mapping[str, Any], folder: Path) -> Markup:
+def turning_body(summary: Summary, folder: Path) -> Markup:
     """The body that turns; nothing where there are no fields, or the surface is too large."""
     files = _files(folder)
     if not files:
@@ -224,6 +227,6 @@ def _contact_tables(folder: Path) -> dict[int, dict[str, Array]]:
     return {0: read_csv(folder / "contact.csv")} if (folder / "contact.csv").is_file() else {}
 
 
-def _packed(values: Array, kind: Any = np.float32) -> str:
+def _packed(values: Array, kind: type[np.generic] = np.float32) -> str:
     """Return numbers of a kind in base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
