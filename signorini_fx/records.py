@@ -444,8 +444,15 @@ class Finding:
         level: a warning needs attention, a note does not.
         path: key of the scene that it concerns.
         message: what is wrong, and what to do.
+        ended: how the load step ends that has no equilibrium, in a few words, such as: upper
+            slides on lower; "": it has one, or nothing moves.
     """
 
     level: Literal["warning", "note"]
     path: str
     message: str
+    ended: str = ""
+
+    def as_row(self) -> dict[str, str]:
+        """Return the row of the summary."""
+        return {"level": self.level, "path": self.path, "message": self.message}

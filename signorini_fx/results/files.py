@@ -206,7 +206,7 @@ class _Written:
         summary = self._stands(table, fields)
         findings = summary["findings"]
         if missing:
-            findings.append(asdict(Finding("note", "pictures", f"are not drawn: {missing}")))
+            findings.append(Finding("note", "pictures", f"are not drawn: {missing}").as_row())
             self._on_root(lambda: say(f"pictures are not drawn: {missing}"))
         drawn = ["pictures"] if gather is not None else []
         self._put(summary, [*asked(solution), "tables", *drawn])
@@ -318,7 +318,7 @@ class _Written:
         reason = "is missing: the run ended before it was complete"
         findings = [
             *summary["findings"],
-            *(asdict(Finding("warning", name, reason)) for name in absent),
+            *(Finding("warning", name, reason).as_row() for name in absent),
         ]
         text = json.dumps(for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
         self._on_root(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Sequence
 from math import floor
 
 import numpy as np
@@ -44,25 +44,24 @@ def growing_force(model: Model, place: float) -> tuple[Array, Array]:
     return total[0], total[1]
 
 
-def ended_by(model: Model, status: Status, told: list[Finding]) -> str:
-    """Return how a ramp has ended in a few words, such as: upper slides on lower.
-
-    Args:
-        model: the body.
-        status: of the load step without a solution.
-        told: what is known of that load step.
+def motion_in_words(
+    status: Status | None, moving: Sequence[str] = ("the body",), at_rest: Sequence[str] = ()
+) -> str:
+    """Return how bodies leave their equilibrium in a few words, such as: upper slides on lower; "":
+    the status says nothing of a motion.
     """
-    text = " ".join(found.message for found in told)
-    way = next((way for way in _WAYS if way.value in text), status)
-    if way not in _WAYS:
-        return f"{'most likely, ' * (status in UNDECIDED)}{status.value}"
-    names = list(dict.fromkeys(model.motions.pieces.bodies))
-    moving = [name for name in names if f"body {name!r} in" in text]
-    piece = re.search(r"the loads move (?:bodies that may touch by )?(piece .*?);", text)
-    who = " and ".join(moving) or (piece[1] if piece else "the body")
-    others = [name for name in names if name not in moving] if moving else []
-    on = f" on {' and '.join(others)}" if others and way is not Status.OPEN else ""
-    return f"{who} {_WAYS[way]}{on}"
+    if status not in _WAYS:
+        return ""
+    on = f" on {' and '.join(at_rest)}" if at_rest and status is not Status.OPEN else ""
+    return f"{' and '.join(moving)} {_WAYS[status]}{on}"
+
+
+def ended_by(status: Status, told: Sequence[Finding]) -> str:
+    """Return how a ramp has ended in a few words; ``status``: of the load step without a solution;
+    ``told``: what is known of it.
+    """
+    ended = next((found.ended for found in told if found.ended), "") or motion_in_words(status)
+    return ended or f"{'most likely, ' * (status in UNDECIDED)}{status.value}"
 
 
 def limit_of_ramp(model: Model, time: float, place: float, loads: str, reason: str) -> LimitOfRamp:

@@ -412,7 +412,7 @@ class Solution:
         told = [one for one in self.findings if one.level == "warning" and one.path == "load_steps"]
         reasons = told if failed.reason is None else [failed.reason]
         held = factors_held(self.statement, last.place, floor(last.place) + 1.0).strip(" ()")
-        reason = ended_by(self.model, self.status, reasons)
+        reason = ended_by(self.status, reasons)
         return limit_of_ramp(self.model, last.time, last.place, held, reason)
 
     @cached_property

@@ -6,7 +6,6 @@ import platform
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -61,7 +60,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "ranks": solution.comm.size,
         "linear_algebra": solution.linear_algebra,
         "pieces": solution.model.motions.pieces.as_rows(),
-        "findings": [asdict(finding) for finding in solution.findings],
+        "findings": [finding.as_row() for finding in solution.findings],
     }
     summary |= of_results(solution)
     if solution.convergence_table:
@@ -276,7 +275,7 @@ def post_processing(
     if reason is None:
         return result
     message = f"could not be computed ({reason}); other results are not affected"
-    findings.append(asdict(Finding("warning", subject, message)))
+    findings.append(Finding("warning", subject, message).as_row())
     return None
 
 
@@ -305,7 +304,7 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
     statement = entries.get("error_bound", {}).get("statement", "")
     if statement.startswith(NO_BOUND):
         message = f"there is no guaranteed bound: {statement.removeprefix(NO_BOUND)}"
-        findings.append(asdict(Finding("warning", "error_bound", message)))
+        findings.append(Finding("warning", "error_bound", message).as_row())
     return entries
 
 

@@ -37,6 +37,7 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import StepEffect, stated_effects
 from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.results.limit import motion_in_words
 from signorini_fx.results.mechanics import StepResult, acting_on
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, nonlinear_stresses
 from signorini_fx.results.resultants import ActingForces
@@ -234,7 +235,8 @@ class ProblemOfScene(NonlinearContactProblem):
         if why:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise ConvergenceError(self, f"{why}: {advice}")
-            failures.append(Finding("warning", "load_steps", why))
+            ended = motion_in_words(self._solver.verdict.cause)
+            failures.append(Finding("warning", "load_steps", why, ended))
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self._titled("")
         said: Any = solution.mechanics

@@ -42,8 +42,16 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import stated_effects
 from signorini_fx.records import MAY_JUMP, STEPS_UNESTIMATED, Finding, History, Status
 from signorini_fx.results.contact_figures import load_on
+from signorini_fx.results.limit import motion_in_words
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.tuned import FAR_GAP, NO_FORCE, NOTABLE, ROOT_OF_EPS, SAME_LENGTH
+from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
+    FAR_GAP,
+    NO_FORCE,
+    NOTABLE,
+    ROOT_OF_EPS,
+    SAME_LENGTH,
+)
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Contact
@@ -492,11 +500,16 @@ def _equilibrium_of(
         if len(loads) > 1:
             when = f"{'load step' if body.path.steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
-        names = names_of(free @ motion[:, None], motions, members, one_way=True)
+        moved = free @ motion
+        names = names_of(moved[:, None], motions, members, one_way=True)
         message = f"{when}{status.value}: the loads move {subject} by {names}; {status.advice}"
         if body.law is not None and body.law.unknown:
             message += f"; {body.law.unknown}, which was tried at samples of the pressure"
-        return Finding("warning", body.forces_at, message)
+        sizes = np.abs(moved.reshape(-1, motions.each)).max(axis=1)
+        moving = sizes[members] > CERTIFICATE_TOLERANCE * sizes.max()
+        who, on = (motions.pieces.names(members[chosen]) for chosen in (moving, ~moving))
+        ended = motion_in_words(status, who or ["the body"], on)
+        return Finding("warning", body.forces_at, message, ended)
     names = names_of(free, motions, members)
     message = f"only contact holds {subject} against {names}: the supports do not"
     return Finding("note", "displacement", message)

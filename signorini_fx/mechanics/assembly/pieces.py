@@ -61,6 +61,12 @@ class BodyPieces:
         )
         return f"{number} ({cells} cell{'s' * (cells > 1)}, {extent(self.bounds[piece])})"
 
+    def names(self, pieces: Ints) -> list[str]:
+        """Return the bodies that pieces are of, or their numbers; none of a body of one piece."""
+        if self.bodies:
+            return list(dict.fromkeys(self.bodies[piece] for piece in pieces))
+        return [f"piece {piece + 1}" for piece in pieces] if self.count > 1 else []
+
     def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, Indices]) -> BodyPieces:
         """Return the pieces with the names of bodies, each of which has these cells on this rank;
         collective.
