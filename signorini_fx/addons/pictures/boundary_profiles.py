@@ -8,7 +8,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, groupby, pairwise
+from itertools import accumulate, cycle, groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -20,6 +20,7 @@ from matplotlib.patches import Patch
 
 from signorini_fx.addons.pictures.style import (
     BLUE,
+    INK,
     LIMIT,
     MINUS,
     MOTION,
@@ -229,6 +230,21 @@ class Panel:
             alignment="left",
         )
         legend.get_title().set_fontweight("bold")
+
+
+def draw_pressures(axes: Axes, boundaries: Sequence[PlaneBoundary]) -> None:
+    """The contact pressure along several boundaries, with a legend of their names."""
+    pressures = [boundary.floats("pressure") for boundary in boundaries]
+    power = decimal_power(largest_of(*pressures))
+    colours = cycle((INK, BLUE, ORANGE, MUTED))
+    for boundary, pressure, colour in zip(boundaries, pressures, colours, strict=False):
+        boundary.draw(axes, pressure * 10.0**power, color=colour, label=boundary.name)
+    label = boundaries[0].label if len(boundaries) == 1 else "along each boundary"
+    axes.set(xlabel=f"{label}{bracketed('length')}", ylabel=f"pressure{unit_of(power, 'stress')}")
+    axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+    axes.margins(x=0.0)
+    if len(boundaries) > 1:
+        axes.legend()
 
 
 def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:

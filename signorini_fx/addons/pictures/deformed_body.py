@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures.body import DrawnBody
+from signorini_fx.addons.pictures.boundary_profiles import PlaneBoundary, draw_pressures
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
 from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
+_PROFILE = 1.3  # inches of the pressure below them
 _WIDEST = {1: 4.8, 2: 2.6}  # inches of a panel, by their number
 Window = tuple[Array, Array]
 
@@ -38,8 +40,10 @@ def deformed_mesh(
     *,
     foundations: Sequence[Foundation] = (),
     largest: Largest | None = None,
+    pressed: Sequence[PlaneBoundary] = (),
 ) -> tuple[Figure, str]:
     """Draw the deformed mesh on its foundation, a field in colours; and say what is magnified.
+    Below it is the pressure along contact boundaries that are ``pressed``.
 
     Where contact is on a small part of the body, a second panel shows that part as it is.  Colours
     vary within each cell, and jump between cells only where the values do.  The edges of the cells
@@ -69,10 +73,13 @@ def deformed_mesh(
     widest = _WIDEST[len(panels)]
     widths = [min(widest, widest / aspect) for aspect in aspects]
     height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
-    figure = Figure(
-        figsize=(max(sum(widths), 3.0) + 0.7 * len(panels), height + 1.3), layout="constrained"
-    )
-    grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
+    rows = [height, _PROFILE] if pressed else [height]
+    size = max(sum(widths), 3.0) + 0.7 * len(panels), sum(rows) + 1.3
+    figure = Figure(figsize=size, layout="constrained")
+    places = figure.add_gridspec(len(rows), len(panels), width_ratios=widths, height_ratios=rows)
+    grid = [figure.add_subplot(places[0, k]) for k in range(len(panels))]
+    if pressed:
+        draw_pressures(figure.add_subplot(places[1, :]), pressed)
     for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
         _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
         for line in _lines(foundations, scale):
@@ -88,7 +95,7 @@ def deformed_mesh(
         axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
     if largest is not None:
         mark_largest(grid[0], moved[largest.point], largest.text)
-    tones.bar(figure, list(grid))
+    tones.bar(figure, grid)
     return figure, remark
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -156,9 +156,13 @@ class ResultPictures:
             else foundations_of(contact, rigid_motions_of(self.solution), self.shapes)
         )
         draw: Callable[..., tuple[Figure, str]]
-        beside: dict[str, tuple[Array, Ints, Array] | None] = {}  # of the first picture alone
+        beside: dict[str, Any] = {}  # of the first picture alone
         if self._dimension == 2:
+            from signorini_fx.addons.pictures.boundary_profiles import boundaries_of
             from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw
+
+            if contact is not None and contact.touching:
+                beside = {"pressed": [boundary.near() for boundary in boundaries_of(contact)]}
         else:
             from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
 
