@@ -85,7 +85,6 @@ from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 if TYPE_CHECKING:
     from signorini_fx.forms.given_forms import Density, Facets, PetscOptions, SettingValue
     from signorini_fx.mechanics.interfaces import Foundation, Pair
-    from signorini_fx.mechanics.statement.rigid_shape import Shape
 
 # How a contact problem ends whose sets are not found.
 _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
