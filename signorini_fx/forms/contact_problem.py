@@ -18,7 +18,7 @@ from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.solver import UNDERIVED, FormSolver, options_applied, solve_now
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.interfaces import Foundation, Pair
+from signorini_fx.mechanics.interfaces import Facets, Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import History, Status
@@ -32,13 +32,11 @@ if TYPE_CHECKING:
     from signorini_fx.forms.given_forms import (
         CompilerOptions,
         Density,
-        Facets,
         Law,
         PetscOptions,
         SettingValue,
         UflOrCompiled,
     )
-    from signorini_fx.forms.solver import BodyOfForms
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
     from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
@@ -55,7 +53,7 @@ if TYPE_CHECKING:
 class ProblemOfForms:
     """A problem with the results of a ``Solution``."""
 
-    assembled: BodyOfForms
+    assembled: Any
     _ended: Any  # what knows how the last solve has ended
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
     # What each owned cell of a solution has of the squared error, the strain energy, and the

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack, get_args
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
@@ -23,7 +22,7 @@ from signorini_fx.extensions import CONTACT_PARTS, load_class, names_of
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.effects.contact import Contact
-from signorini_fx.mechanics.interfaces import Foundation, Pair
+from signorini_fx.mechanics.interfaces import Facets, Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
 UflOrCompiled: TypeAlias = "ufl.Form | fem.Form"
 Law: TypeAlias = "Callable[[Expr], Expr]"  # stress of a displacement
 Energy: TypeAlias = "Callable[[Expr, Expr], Expr]"  # of two displacements
-Facets: TypeAlias = "npt.ArrayLike | tuple[dmesh.MeshTags, int | Sequence[int]]"
 Density: TypeAlias = "float | Expr | ufl.Form | None"
 SettingValue = str | float | None
 PetscOptions = Mapping[str, str | float | None]

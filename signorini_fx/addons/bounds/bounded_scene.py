@@ -25,7 +25,7 @@ from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.statement.values import Value
+    from signorini_fx.arrays import Value
 
 # What a guaranteed bound is for; what else a scene has is named behind it.
 BOUNDED = (

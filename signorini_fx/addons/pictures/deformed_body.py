@@ -76,10 +76,10 @@ def deformed_mesh(
     rows = [height, _PROFILE] if pressed else [height]
     size = max(sum(widths), 3.0) + 0.7 * len(panels), sum(rows) + 1.3
     figure = Figure(figsize=size, layout="constrained")
-    places = figure.add_gridspec(len(rows), len(panels), width_ratios=widths, height_ratios=rows)
-    grid = [figure.add_subplot(places[0, k]) for k in range(len(panels))]
+    layout = figure.add_gridspec(len(rows), len(panels), width_ratios=widths, height_ratios=rows)
+    grid = [figure.add_subplot(layout[0, k]) for k in range(len(panels))]
     if pressed:
-        draw_pressures(figure.add_subplot(places[1, :]), pressed)
+        draw_pressures(figure.add_subplot(layout[1, :]), pressed)
     for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
         _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
         for line in _lines(foundations, scale):

@@ -83,8 +83,8 @@ from signorini_fx.solving.step import with_contact
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
 if TYPE_CHECKING:
-    from signorini_fx.forms.given_forms import Density, Facets, PetscOptions, SettingValue
-    from signorini_fx.mechanics.interfaces import Foundation, Pair
+    from signorini_fx.forms.given_forms import Density, PetscOptions, SettingValue
+    from signorini_fx.mechanics.interfaces import Facets, Foundation, Pair
 
 # How a contact problem ends whose sets are not found.
 _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
@@ -215,7 +215,7 @@ class MovingFoundations(Foundations):
             rotation[boundary.part == number] = turn
         return rotation
 
-    def measured(self, shape: Shape) -> bool:
+    def measured(self, shape: Any) -> bool:
         """Along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(shape.prescribes("x") == 0.0)
 

@@ -44,7 +44,7 @@ from signorini_fx.forms.nonlinear.steps import EquilibriumSolver
 from signorini_fx.forms.nonlinear.verdicts import leads
 from signorini_fx.forms.solver import LASTS, UNDERIVED, Clock
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.interfaces import Foundation, Pair
+from signorini_fx.mechanics.interfaces import Facets, Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from signorini_fx.forms.given_forms import (
         CompilerOptions,
         Density,
-        Facets,
         FormOptions,
         PetscOptions,
         SettingValue,
