@@ -507,8 +507,8 @@ def _equilibrium_of(
             message += f"; {body.law.unknown}, which was tried at samples of the pressure"
         sizes = np.abs(moved.reshape(-1, motions.each)).max(axis=1)
         moving = sizes[members] > CERTIFICATE_TOLERANCE * sizes.max()
-        movers, rest = (motions.pieces.names(members[chosen]) for chosen in (moving, ~moving))
-        ended = motion_in_words(status, movers or ["the body"], rest)
+        movers = motions.pieces.names(members[moving]) or ["the body"]
+        ended = motion_in_words(status, movers, motions.pieces.names(members[~moving]))
         return Finding("warning", body.forces_at, message, ended)
     names = names_of(free, motions, members)
     message = f"only contact holds {subject} against {names}: the supports do not"
