@@ -63,8 +63,8 @@ def extents(corners: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for
-    zero.
+    """Return each row over its length; the first axis where a row is zero.  In R^1: the sign, +1
+    for zero.
     """
     size = length(vectors)
     units = np.zeros_like(vectors)

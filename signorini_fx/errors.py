@@ -76,7 +76,9 @@ class FormError(SceneError, ValueError):
 
 
 def together(*checks: Callable[[], Any]) -> list[Any]:
-    """What independent checks return; the problems of all of them are raised as one SceneError."""
+    """Return what independent checks return; the problems of all of them are raised as one
+    SceneError.
+    """
     results = []
     problems = []
     for check in checks:
@@ -141,7 +143,7 @@ class PictureError(SignoriniError):
 
 
 def cannot_be_written(path: object, error: Exception) -> OutputError:
-    """The error of a file or folder that cannot be written, with the system's reason."""
+    """Return the error of a file or folder that cannot be written, with the system's reason."""
     reason = getattr(error, "strerror", None) or str(error)
     return OutputError(f"{path}: cannot be written: {reason}")
 
@@ -189,8 +191,8 @@ _WAYS = """\
 
 
 def needs_fenicsx(message: str) -> InstallationError:
-    """The error of an installation whose FEniCSx is missing, too old, or lacks something; it says
-    where to get it.
+    """Return the error of an installation whose FEniCSx is missing, too old, or lacks something; it
+    says where to get it.
     """
     return InstallationError(
         f"{message}: FEniCSx with dolfinx >= 0.9 is needed. Install it by one of\n{_WAYS}"

@@ -75,12 +75,12 @@ def on_registered(group: str, listener: Callable[[str], None]) -> None:
 
 
 def names_of(group: str) -> tuple[str, ...]:
-    """The names in a group, ascending."""
+    """Return the names in a group, ascending."""
     return tuple(sorted({*_installed(tuple(sys.path))[group], *_registered.get(group, {})}))
 
 
 def load(group: str, name: str) -> Any:
-    """The object of a name in ``names_of``; InstallationError: it cannot be imported."""
+    """Return the object of a name in ``names_of``; InstallationError: it cannot be imported."""
     if name in _registered.get(group, {}):
         return _registered[group][name]
     entry = _installed(tuple(sys.path))[group][name]
@@ -94,8 +94,8 @@ def load(group: str, name: str) -> Any:
 
 
 def load_class(group: str, name: str, base: type[_Base]) -> type[_Base]:
-    """The class of a name in ``names_of``, which must have a base class of this package; else
-    InstallationError.
+    """Return the class of a name in ``names_of``, which must have a base class of this package;
+    else InstallationError.
     """
     extension = load(group, name)
     if not (isinstance(extension, type) and issubclass(extension, base)):
@@ -107,13 +107,13 @@ def load_class(group: str, name: str, base: type[_Base]) -> type[_Base]:
 
 
 def is_of_package(kind: type) -> bool:
-    """Whether a class is one of this package, and not one of a user's own."""
+    """Return whether a class is one of this package, and not one of a user's own."""
     return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def add_on(name: str) -> Any:
-    """What an add-on of this package does, by its name in pyproject.toml; InstallationError: it, or
-    a package that it needs, is not installed.
+    """Return what an add-on of this package does, by its name in pyproject.toml; InstallationError:
+    it, or a package that it needs, is not installed.
     """
     entry = _installed(tuple(sys.path))[ADD_ONS].get(name)
     if entry is None:

@@ -14,8 +14,10 @@ from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 
 def step_limit(max_iterations: int) -> int:
-    """Linear solves that all attempts at a load step together may take; ``max_iterations``: those
-    for one problem.
+    """Linear solves that all attempts at a load step together may take.
+
+    Args:
+        max_iterations: those for one problem.
     """
     return PROBLEMS_PER_STEP * max_iterations
 
@@ -45,7 +47,7 @@ class Settings:
         return cls(**{field.name: getattr(source, field.name) for field in fields(cls)})
 
     def limited(self, name: Literal["max_iterations", "max_outer_iterations"]) -> bool:
-        """Whether a limit is lower than its default: then the user has set it, and reaching it is
-        not a failure.
+        """Return whether a limit is lower than its default: then the user has set it, and reaching
+        it is not a failure.
         """
         return bool(getattr(self, name) < getattr(type(self), name))

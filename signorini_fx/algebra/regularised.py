@@ -44,8 +44,10 @@ from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
 @dataclass(frozen=True)
 class NextSets:
     """The active sets of the next linear solve, and those that follow from the iterate, from which
-    they differ, ``repaired``, if these would not hold the body; ``escapes``: the status if it moves
-    away whatever the sets are.
+    they differ, ``repaired``, if these would not hold the body.
+
+    Attributes:
+        escapes: the status if it moves away whatever the sets are.
     """
 
     sets: ActiveSets
@@ -67,7 +69,7 @@ class ContactTangent:
         self.factorised: dict[int, Array] = {}
 
     def create(self) -> PETSc.Mat:
-        """A matrix to insert blocks into, so far A; collective."""
+        """Return a matrix to insert blocks into, so far A; collective."""
         if not is_by_blocks(self._matrix):
             return self._matrix.duplicate(copy=True)
         from signorini_fx.algebra.linalg.blocks import with_added
@@ -151,8 +153,10 @@ class RegularisedProblem:
         )
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
-        """Begin a new problem; ``first_sets``: of the first linear solve, None: from the iterate
-        and the sets of the previous problem.
+        """Begin a new problem.
+
+        ``first_sets``: of the first linear solve, None: from the iterate and the sets of the
+            previous problem.
         """
         self.data = data
         curved = data.follows is not None and not data.follows.affine
@@ -177,7 +181,7 @@ class RegularisedProblem:
         return multipliers(sets, *traces, self.data.at(traces))
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Array, Array]:
-        """The friction bounds of the current and the next sets."""
+        """Return the friction bounds of the current and the next sets."""
         u_n, u_t = self.system.contact.traces(x)
         trial = trial_pressure(u_n, self.data)
         present = self.data.friction_bound(np.where(self.sets.contact, trial, 0.0), u_t)
@@ -270,8 +274,8 @@ class RegularisedProblem:
         return float(quotient(away, size, otherwise=away).max())
 
     def scales(self, sizes: Array, x: PETSc.Vec) -> Array:
-        """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups
-        no less than what the penalty makes of the round-off of displacements, stress, shape
+        """Return what tractions of each group are judged by, see ``PointGroups.scales``: of several
+        groups no less than what the penalty makes of the round-off of displacements, stress, shape
         (groups,); collective.
         """
         scales = self.groups.scales(sizes)
@@ -291,8 +295,8 @@ class RegularisedProblem:
         return not parallel.any_rank(self.points.comm, opens) and self.holds(self.sets, self.data)
 
     def round_off(self, x: PETSc.Vec) -> Array:
-        """What the penalty makes of the round-off of displacements, a stress at each point, shape
-        (n,); collective.
+        """Return what the penalty makes of the round-off of displacements, a stress at each point,
+        shape (n,); collective.
         """
         unsigned = x.copy()
         unsigned.abs()
@@ -300,7 +304,7 @@ class RegularisedProblem:
         return NO_FORCE * max(self.data.gamma_n, self.data.gamma_t) * terms
 
     def least_share(self, x: PETSc.Vec) -> float:
-        """The tractions of the group with the smallest ones as a share of the largest;
+        """Return the tractions of the group with the smallest ones as a share of the largest;
         collective.
         """
         if self.groups.count == 1:
@@ -331,12 +335,12 @@ class RegularisedProblem:
         return True
 
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
-        """Whether these sets resist every rigid motion; collective."""
+        """Return whether these sets resist every rigid motion; collective."""
         return holds(sets, data, self._motions)
 
     def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
-        """Whether the round-off of the penalty is above a share of the forces in the last residual;
-        collective.
+        """Return whether the round-off of the penalty is above a share of the forces in the last
+        residual; collective.
         """
         data = self.data
         u_n, u_t = self.system.contact.traces(x)
@@ -351,7 +355,7 @@ class RegularisedProblem:
         return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
-        """A matrix for the Jacobian, so far A; collective."""
+        """Return a matrix for the Jacobian, so far A; collective."""
         jacobian = self.tangent.create()
         if symmetric and self.system.definite:
             self._definite.add(jacobian.handle)
@@ -360,8 +364,9 @@ class RegularisedProblem:
     def _hold(
         self, trial: ActiveSets, u_t: Array, multipliers: Callable[[], tuple[Array, Array]]
     ) -> None:
-        """Choose next sets that hold the body, or note that it moves away; ``u_t``,
-        ``multipliers``: see ``hold``.
+        """Choose next sets that hold the body, or note that it moves away.
+
+        ``u_t``, ``multipliers``: see ``hold``.
         """
         points = self.points
         motions = self._motions
@@ -396,8 +401,8 @@ class RegularisedProblem:
         return float(free.norm())
 
     def _least_traction(self, x: PETSc.Vec) -> float:
-        """What the penalty makes of a small share of the largest displacements of two bodies,
-        stress.
+        """Return what the penalty makes of a small share of the largest displacements of two
+        bodies, stress.
         """
         # What is prescribed is none of a body that follows: a rigid body that is driven far would
         # be a scale of its friction.

@@ -258,8 +258,8 @@ class ProblemOfForms:
         )
 
     def gradient(self, of: ufl.Form | str, by: fem.Constant | Sequence[fem.Constant]) -> Gradient:
-        """Derivatives of a result of the last solve by Constants of the problem, by one adjoint
-        solve; collective.
+        """Return derivatives of a result of the last solve by Constants of the problem, by one
+        adjoint solve; collective.
 
             problem.gradient(of=u[1] * ds(top), by=[young, friction])
 

@@ -67,8 +67,10 @@ def elastic_body(
     named: tuple[Statement, TaggedMesh],
     **more: Any,
 ) -> Model:
-    """The elastic body of a user's form, assembled unless ``more`` has that, see ``Model``;
-    ``named``: see ``named_parts``; collective.
+    """Return the elastic body of a user's form, assembled unless ``more`` has that, see ``Model``;
+    collective.
+
+    ``named``: see ``named_parts``.
     """
     kinematics = CARTESIAN[space.mesh.geometry.dim]
     body = Model(
@@ -132,7 +134,7 @@ def check_energy(
 
 
 def modulus_of(body: Model, boundary: ContactBoundary, facets: Sequence[Indices]) -> float:
-    """The modulus of a body, the scale of gamma, by its stiffness; collective.
+    """Return the modulus of a body, the scale of gamma, by its stiffness; collective.
 
     Without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else
     that of the stiffness near the contact points.  A point that moves alone strains cells, of the
@@ -215,7 +217,7 @@ class FormMechanics(Mechanics):
         return self.placed
 
     def load(self, system: ElasticSystem, step: float) -> Array:
-        """The system has those of the present values."""
+        """Return the system has those of the present values."""
         return np.ones(1)
 
     def loads_at(self, step: float) -> Loads:
@@ -262,7 +264,7 @@ class FormMechanics(Mechanics):
         return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """What acts through the parts of the boundary that have names."""
+        """Return what acts through the parts of the boundary that have names."""
         from signorini_fx.results.resultants import ActingForces
 
         balance = self.balance(y, step)
@@ -309,9 +311,9 @@ def acting_on(
     *,
     displaced: bool = False,
 ) -> ActingForces:
-    """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the
-    same components are prescribed; at a node of two of them a component belongs to the later one;
-    collective.
+    """Return what acts on a body whose supports are parts of its boundary: those at all of whose
+    nodes the same components are prescribed; at a node of two of them a component belongs to the
+    later one; collective.
     """
     from signorini_fx.results.resultants import ActingForces
 
@@ -347,8 +349,8 @@ def prescribed_nodes(fixed: Flags, values: Array, space: fem.FunctionSpace) -> P
 
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStress:
-    """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3),
-    linear in the strain but for a stress without strain, with the moduli at the middle of each
+    """Return the stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3,
+    3), linear in the strain but for a stress without strain, with the moduli at the middle of each
     cell; a FormError says why not; collective.
     """
     from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
@@ -380,9 +382,9 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStr
 
 
 def cellwise_moduli(energy: Energy, space: fem.FunctionSpace) -> Array:
-    """The components of the stress over those of the strain in the middle of each cell, shape
-    (cells, m, m), from the energy of two fields with one strain each, which are zero there, so that
-    no hoop strain adds to theirs; collective.
+    """Return the components of the stress over those of the strain in the middle of each cell,
+    shape (cells, m, m), from the energy of two fields with one strain each, which are zero there,
+    so that no hoop strain adds to theirs; collective.
     """
     mesh = space.mesh
     kinematics = CARTESIAN[space.mesh.geometry.dim]
@@ -412,7 +414,7 @@ def cellwise_moduli(energy: Energy, space: fem.FunctionSpace) -> Array:
 
 
 def _energy_by(law: Law, at_rest: Expr) -> Energy:
-    """The energy of two fields z and y by a law, sigma(y) : grad z."""
+    """Return the energy of two fields z and y by a law, sigma(y) : grad z."""
 
     def energy(z: Expr, y: Expr) -> Expr:
         stress = law(y) - at_rest
@@ -423,8 +425,8 @@ def _energy_by(law: Law, at_rest: Expr) -> Energy:
 
 
 def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, Array] | None:
-    """Return both Lame parameters of each cell from ``cellwise_moduli``; None: some cell is not
-    isotropic; collective.
+    """Return both Lame parameters of each cell from ``cellwise_moduli``, or None if some cell is
+    not isotropic; collective.
     """
     mu = moduli[:, -1, -1]
     lame = moduli[:, 0, 1]
@@ -444,8 +446,8 @@ def natural_modulus(
     law: Law | None, a: Any, measures: set[Expr], space: fem.FunctionSpace
 ) -> float | None:
     """Young's modulus of the stiffest cell, the natural unit of stress: from the stress, or from
-    the form, divided by the UFL that contact is multiplied by; None: it is not isotropic, or cannot
-    be evaluated; collective.
+    the form, divided by the UFL that contact is multiplied by; None if it is not isotropic, or
+    cannot be evaluated; collective.
     """
     mesh = space.mesh
     dim = space.mesh.geometry.dim
@@ -480,8 +482,8 @@ def natural_modulus(
 
 
 def _by_quadrature(expression: Expr) -> bool:
-    """Whether it has a Function of a quadrature element, which has no values in the middle of a
-    cell.
+    """Return whether it has a Function of a quadrature element, which has no values in the middle
+    of a cell.
     """
     coefficients = ufl.algorithms.extract_coefficients(expression)
     return any(
@@ -490,9 +492,10 @@ def _by_quadrature(expression: Expr) -> bool:
 
 
 def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Expr) -> ufl.Form | None:
-    """The squared residual of the traction that UFL forms prescribe, off the contact and in
-    components that are not prescribed, see ``squared_residual``; ``z``: a test function, constant
-    in each cell; collective.
+    """Return the squared residual of the traction that UFL forms prescribe, off the contact and in
+    components that are not prescribed, see ``squared_residual``; collective.
+
+    ``z``: a test function, constant in each cell.
     """
     from signorini_fx.results.accuracy.stress_recovery import squared_residual
 
@@ -524,8 +527,8 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Expr)
 
 
 def _traction(integrand: Expr, y: fem.Function) -> Expr:
-    """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .)
-    minus that.
+    """Return what an integral over the boundary prescribes, as a vector: of L with its sign, of
+    a(y, .) minus that.
     """
     *trial, test = sorted(
         ufl.algorithms.extract_arguments(integrand), key=lambda argument: -int(argument.number())
@@ -539,7 +542,7 @@ def _traction(integrand: Expr, y: fem.Function) -> Expr:
 
 
 def exterior_facets(integral: ufl.Integral, mesh: dmesh.Mesh) -> Indices:
-    """The exterior facets of this rank that an integral is over."""
+    """Return the exterior facets of this rank that an integral is over."""
     data = integral.subdomain_data()
     wanted = integral.subdomain_id()
     wanted = wanted if isinstance(wanted, tuple) else (wanted,)

@@ -90,7 +90,9 @@ def given_forms(
     boundaries: Mapping[str, Facets] | None = None,
     **compiler_options: Unpack[FormOptions],
 ) -> tuple[GivenForms, fem.Function]:
-    """What a ``ContactProblem`` is given, and the Function that takes its solution; collective."""
+    """Return what a ``ContactProblem`` is given, and the Function that takes its solution;
+    collective.
+    """
     space = space_of(a, L, u)
     entries = foundations_of(contact)
     facets, masters = facets_of(entries, space.mesh)
@@ -117,12 +119,13 @@ def given_forms(
 def named_parts(
     forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()
 ) -> tuple[Statement, TaggedMesh]:
-    """What is known of forms by name, whatever their Constants are: contact and settings, with a
-    single load step, and the mesh with the names of its boundaries; ``arguments``: what they were
-    stated by, else the forms; collective.
+    """Return what is known of forms by name, whatever their Constants are: contact and settings,
+    with a single load step, and the mesh with the names of its boundaries; collective.
 
     A contact, or the other side of a pair, has the name of the part of the boundary with the same
     facets, or a number.
+
+    ``arguments``: what they were stated by, else the forms.
     """
 
     def name(part: Indices, otherwise: str) -> str:
@@ -184,7 +187,7 @@ _NOT_HERE = {
 
 
 def law_of(stress: Expr | Law | None, u: fem.Function) -> Law | None:
-    """What ``ContactProblem`` is given, as a function of the displacement."""
+    """Return what ``ContactProblem`` is given, as a function of the displacement."""
     if stress is not None and is_section(u.function_space.mesh):
         raise FormError.at(
             "stress", "stresses and their estimates are not possible yet on a plane mesh in 3D"
@@ -197,7 +200,7 @@ def law_of(stress: Expr | Law | None, u: fem.Function) -> Law | None:
 
 
 def space_of(a: UflOrCompiled, L: UflOrCompiled, u: fem.Function | None) -> fem.FunctionSpace:
-    """The space of the displacements."""
+    """Return the space of the displacements."""
     if np.issubdtype(default_scalar_type, np.complexfloating):
         raise FormError.at("a", "PETSc is built for complex numbers; contact needs a real build")
     if not isinstance(u, fem.Function | None):
@@ -236,7 +239,10 @@ def space_of(a: UflOrCompiled, L: UflOrCompiled, u: fem.Function | None) -> fem.
 
 
 def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
-    """The space, if contact is possible in it; ``name``: of the argument that has it."""
+    """Return the space, if contact is possible in it.
+
+    ``name``: of the argument that has it.
+    """
     mesh = space.mesh
     wanted = "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
     dim = mesh.topology.dim
@@ -263,7 +269,7 @@ def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
 def conditions_of(
     bcs: fem.DirichletBC | Sequence[fem.DirichletBC] | None, space: fem.FunctionSpace
 ) -> list[fem.DirichletBC]:
-    """The Dirichlet conditions."""
+    """Return the Dirichlet conditions."""
     bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
@@ -278,7 +284,7 @@ def conditions_of(
 
 
 def settings_of(options: dict[str, SettingValue]) -> SolverSettings:
-    """The settings of the solver."""
+    """Return the settings of the solver."""
     known: dict[str, Any] = {
         name: value for name, value in options.items() if value is not None or name not in _NOT_HERE
     }
@@ -299,7 +305,7 @@ def settings_of(options: dict[str, SettingValue]) -> SolverSettings:
 def foundations_of(
     contact: Foundation | Pair | Iterable[Foundation | Pair] | None,
 ) -> tuple[Foundation | Pair, ...]:
-    """The foundations and pairs, their own arguments checked as far as they need no mesh."""
+    """Return the foundations and pairs, their own arguments checked as far as they need no mesh."""
     problems = list[tuple[str, str]]()
     if isinstance(contact, Foundation | Pair):
         contacts = [contact]
@@ -349,8 +355,8 @@ def foundations_of(
 def facets_of(
     contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh
 ) -> tuple[list[Indices], dict[int, Indices]]:
-    """The exterior facets of each contact that this rank owns, ascending, and those of the masters
-    of pairs by the number of the contact, each given on any rank that has it; collective.
+    """Return the exterior facets of each contact that this rank owns, ascending, and those of the
+    masters of pairs by the number of the contact, each given on any rank that has it; collective.
     """
     pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
     if is_section(mesh) and pairs:
@@ -409,8 +415,8 @@ def facets_of(
 
 
 def parts_of(materials: dmesh.MeshTags | None, mesh: dmesh.Mesh) -> list[Indices]:
-    """The cells of each material, with ghosts, from tags on all of them; None: there is one
-    material; collective.
+    """Return the cells of each material, with ghosts, from tags on all of them; None if there is
+    one material; collective.
     """
     dim = mesh.topology.dim
     error = None
@@ -451,7 +457,7 @@ def _listed(selection: Facets, mesh: dmesh.Mesh, dim: int, count: int) -> Indice
 
 
 def boundaries_of(given: Mapping[str, Facets] | None, mesh: dmesh.Mesh) -> dict[str, Indices]:
-    """The facets of each part of the boundary that has a name; collective."""
+    """Return the facets of each part of the boundary that has a name; collective."""
     facets = dict[str, Indices]()
     problems = list[tuple[str, str]]()
     for name, selection in (given or {}).items():

@@ -242,7 +242,7 @@ def _first(
     mesh: AnyMesh | Callable[[int], AnyMesh],
     observers: Sequence[Observer],
 ) -> MeshedForms:
-    """The problem on the coarsest mesh; collective."""
+    """Return the problem on the coarsest mesh; collective."""
     coarsest = mesh(1) if callable(mesh) else mesh
     tagged = _tagged(coarsest)
     if not callable(mesh):
@@ -259,7 +259,7 @@ def _first(
 
 
 def _tagged(mesh: AnyMesh) -> TaggedMesh:
-    """A mesh with names of boundaries, which one of dolfinx has none of."""
+    """Return a mesh with names of boundaries, which one of dolfinx has none of."""
     if isinstance(mesh, TaggedMesh):
         return mesh
     if not isinstance(mesh, dmesh.Mesh):

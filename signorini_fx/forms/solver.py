@@ -145,12 +145,12 @@ class BodyOfForms:
         return self._state
 
     def show(self, state: ContactState | None) -> None:
-        """Make contact points those that the user sees; None: there are none."""
+        """Make contact points those that the user sees, or None if there are none."""
         self._state = state
         self.fields.take(self.space, state)
 
     def initial(self) -> State:
-        """The body before the first step, with foundations where they are."""
+        """Return the body before the first step, with foundations where they are."""
         foundations = self.foundations
         zero = np.zeros_like(fem.Function(self.space).x.array)
         rigid = np.zeros(foundations.rigid_bodies.fixed.size)
@@ -181,15 +181,17 @@ class BodyOfForms:
             raise FormError.at("density", reason)
 
     def supports(self) -> tuple[Flags, Array]:
-        """Which dofs of this rank are prescribed now, ghosts included, and to what, shapes (dofs,);
-        collective.
+        """Return which dofs of this rank are prescribed now, ghosts included, and to what, shapes
+        (dofs,); collective.
         """
         return prescribed(self.space, conditions_of(self.bcs, self.space))
 
     def contact_points(
         self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
     ) -> ContactBoundary:
-        """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective.
+        """Return the contact points; collective.
+
+        ``fixed``, ``values``: what is ``prescribed``.
 
         Raises:
             FormError: none of a contact can move.
@@ -207,8 +209,10 @@ class BodyOfForms:
         return boundary
 
     def contact_now(self, solved: Any) -> tuple[Any, ...]:
-        """Prescribed values, contact points, gap and law of now; ``solved``: a problem of the same
-        body with the solution; collective.
+        """Prescribed values, contact points, gap and law of now; collective.
+
+        Args:
+            solved: a problem of the same body with the solution.
         """
         foundations = self.foundations
         shapes = foundations.shapes()
@@ -260,12 +264,12 @@ class FormSolver(BodyOfForms):
 
     @property
     def status(self) -> Status | None:
-        """How the last step has ended; None: there is none."""
+        """How the last step has ended, or None if there is none."""
         return None if self.report is None else self.report.status
 
     @property
     def certificate(self) -> Certificate | None:
-        """The check of its result; None: there is none."""
+        """The check of its result, or None if there is none."""
         return None if self.report is None else self.report.result.certificate
 
     @property
@@ -282,8 +286,9 @@ class FormSolver(BodyOfForms):
     def go_through(
         self, path: LoadPath, clock: Clock = lambda time: None, *, waits: bool = False
     ) -> None:
-        """Take load steps, with what changes the problem to what it is at a time; ``waits``: see
-        ``LinearProblem``.
+        """Take load steps, with what changes the problem to what it is at a time.
+
+        ``waits``: see ``LinearProblem``.
         """
         self.path = path
         self.clock = clock
@@ -374,7 +379,7 @@ class FormSolver(BodyOfForms):
     def _inputs(
         self, shapes: Sequence[ShapeDistances], rigid: RigidBodies, driven: Driven
     ) -> dict[str, list[bytes]]:
-        """All values of now that something is assembled from: the form and the rest of the
+        """Return all values of now that something is assembled from: the form and the rest of the
         stiffness, the contact points, and the loads; collective.
         """
         a, L = self.forms.compiled
@@ -420,7 +425,11 @@ class FormSolver(BodyOfForms):
         self.elastic = with_modulus(elastic, boundary, self._natural, self.foundations.facets)
 
     def _case(self, driven: Driven) -> LoadCase:
-        """The right-hand side; ``driven``: what drives rigid bodies; collective."""
+        """Return the right-hand side; collective.
+
+        Args:
+            driven: what drives rigid bodies.
+        """
         values = self.prescribed[1]
         return case_of(self.elastic, assemble(self.forms.compiled[1]), values, driven, values)
 
@@ -442,13 +451,15 @@ class FormSolver(BodyOfForms):
         return stated if body is stated else replace(body, of_body={}, of_contact={})
 
     def mechanics(self, model: Model) -> FormMechanics:
-        """What the forms say of a model, with their values of now."""
+        """Return what the forms say of a model, with their values of now."""
         of_forms = self.forms, self.prescribed, self.foundations.placed_shapes
         return FormMechanics(model, self.named[0], *of_forms)
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
-        """The problem of now as derivatives take it; ``solved``: one of the same body with the
-        solution; collective.
+        """Return the problem of now as derivatives take it; collective.
+
+        Args:
+            solved: one of the same body with the solution.
         """
         now = self.contact_now(solved or self)
         return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *now
@@ -493,8 +504,8 @@ def with_modulus(
 def case_of(
     elastic: Model, forces: Array, values: Array, driven: Driven, lifted: Array
 ) -> LoadCase:
-    """The right-hand side of forces, shape (owned dofs,), with prescribed displacements, ghosts
-    included, shape (dofs,), and what of these is returned to it; collective.
+    """Return the right-hand side of forces, shape (owned dofs,), with prescribed displacements,
+    ghosts included, shape (dofs,), and what of these is returned to it; collective.
 
     Raises:
         FormError: something is not finite.

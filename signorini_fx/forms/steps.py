@@ -54,7 +54,7 @@ def solve_path(
 
 
 def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:
-    """The step from a state to a time with the values of now, which is shown; collective."""
+    """Return the step from a state to a time with the values of now, which is shown; collective."""
     check_step(state, time, solver.space)
     solver.go_through(LoadPath((time,)))
     with options_applied(*solver.options):
@@ -65,8 +65,8 @@ def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, St
 
 
 def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
-    """The last solution, or iterate, with the values that the forms have now; of a run its load
-    steps; collective.
+    """Return the last solution, or iterate, with the values that the forms have now; of a run its
+    load steps; collective.
     """
     report = solver.report
     if solver.outdated or report is None:
@@ -103,8 +103,8 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, StoredStates | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is
-    one; collective.
+    """Return the load steps of a run, what goes through their times, and their checkpoint, if there
+    is one; collective.
     """
     if not isinstance(path, LoadPath | Iterable):
         raise FormError.at("path", f"must be times, or a LoadPath, not {kind_of(path)}", "run")

@@ -49,7 +49,7 @@ def interpolation_points(element: Any) -> Array:
 
 
 def cell_name(domain: mesh.Mesh) -> str:
-    """The name of the cells of a mesh in UFL: a method until 0.9, a property since."""
+    """Return the name of the cells of a mesh in UFL: a method until 0.9, a property since."""
     name = domain.ufl_cell().cellname
     return str(name() if callable(name) else name)
 
@@ -65,7 +65,7 @@ def geometry_degree(domain: mesh.Mesh) -> int:
 
 
 def geometry_element(domain: mesh.Mesh) -> basix.finite_element.FiniteElement:
-    """The Lagrange element of the geometry of the cells, as basix has it."""
+    """Return the Lagrange element of the geometry of the cells, as basix has it."""
     cmap = _cmap(domain.geometry)
     return lagrange(domain.topology.cell_name(), cmap.degree, basix.LagrangeVariant(cmap.variant))
 
@@ -74,7 +74,7 @@ def geometry_element(domain: mesh.Mesh) -> basix.finite_element.FiniteElement:
 def lagrange(
     cell: str, degree: int, variant: basix.LagrangeVariant
 ) -> basix.finite_element.FiniteElement:
-    """The scalar Lagrange element on a kind of cell, as basix has it."""
+    """Return the scalar Lagrange element on a kind of cell, as basix has it."""
     return basix.create_element(
         basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant
     )
@@ -87,13 +87,15 @@ def geometry_cells(domain: mesh.Mesh) -> Indices:
 
 
 def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:
-    """The object of C++ that one of Python holds, which compiled forms and other releases know."""
+    """Return the object of C++ that one of Python holds, which compiled forms and other releases
+    know.
+    """
     inner = holder
     return inner._cpp_object
 
 
 def geometry_in_space(domain: mesh.Mesh) -> cpp.mesh.Geometry_float64:
-    """The geometry of a mesh, whose points get three coordinates, for a mesh of the same
+    """Return the geometry of a mesh, whose points get three coordinates, for a mesh of the same
     topology.
     """
     geometry = wrapped(domain.geometry)
@@ -103,8 +105,8 @@ def geometry_in_space(domain: mesh.Mesh) -> cpp.mesh.Geometry_float64:
 
 
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
-    """The values of the constants and coefficients of a compiled form on this rank, in a fixed
-    order.
+    """Return the values of the constants and coefficients of a compiled form on this rank, in a
+    fixed order.
     """
     packed = cpp.fem.pack_coefficients(wrapped(form))
     kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
@@ -112,16 +114,16 @@ def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
 
 
 def topology(holder: mesh.Mesh | mesh.MeshTags) -> cpp.mesh.Topology:
-    """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10,
-    for comparison.
+    """Return the topology of a mesh, or that of tags, which is wrapped for one of them only until
+    0.10, for comparison.
     """
     wrapped = holder.topology
     return getattr(wrapped, "_cpp_object", wrapped)
 
 
 def facet_mesh(domain: mesh.Mesh, facets: Indices) -> tuple[mesh.Mesh, Indices]:
-    """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map
-    since.
+    """Return a mesh of facets, and the facet of each of its cells on this rank: an array until 0.9,
+    a map since.
     """
     cells: Any
     made, cells, *_ = mesh.create_submesh(domain, domain.topology.dim - 1, facets)

@@ -99,8 +99,11 @@ def _locks() -> Iterator[None]:
 
 def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None:
     """Wait until no other process compiles a form, and remove what one that has ended left
-    unfinished; ``patience``: seconds that a program which knows no such lock has; ``held``: what
-    ends the lock, none if the form is compiled already, or the folder allows for no locks.
+    unfinished.
+
+    ``patience``: seconds that a program which knows no such lock has.
+    ``held``: what ends the lock, none if the form is compiled already, or the folder allows for no
+        locks.
     """
     if _compiled(folder, module):
         return
@@ -130,8 +133,9 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
 def library(
     folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]
 ) -> Any:
-    """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless
-    it is there;
+    """Return a module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms
+    unless it is there.
+
     ``name``: another one for another source.
     """
     from cffi import FFI
@@ -156,7 +160,7 @@ def library(
 
 
 def _files(folder: Path, module: str) -> tuple[Path, Path]:
-    """The source, and the file that FFCx writes after compilation."""
+    """Return the source, and the file that FFCx writes after compilation."""
     return folder / f"{module}.c", folder / f"{module}.c.cached"
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
-    """A table in HTML; numbers with six digits."""
+    """Return a table in HTML; numbers with six digits."""
 
     def safe(text: str) -> str:
         return escape(printable(text))
@@ -47,7 +47,7 @@ def dataframe(columns: Any) -> DataFrame:
 
 
 def clean(value: Any, scale: float) -> Any:
-    """Components of a vector that are round-off beside the scale are zero; a single number
+    """Return components of a vector that are round-off beside the scale are zero; a single number
     stays.
     """
     return (
@@ -56,13 +56,13 @@ def clean(value: Any, scale: float) -> Any:
 
 
 def point_in_words(point: Iterable[float]) -> str:
-    """The coordinates of a point, without round-off."""
+    """Return the coordinates of a point, without round-off."""
     return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
 
 
 def with_error(value: Any, error: float | None) -> str:
-    """A number, or a vector in brackets, rounded as its error, which follows; two digits: it is
-    not known, six: there is none but round-off.
+    """Return a number, or a vector in brackets, rounded as its error, which follows; two digits: it
+    is not known, six: there is none but round-off.
     """
     vector = isinstance(value, list | tuple)
     parts = [float(part) for part in (value if vector else [value])]
@@ -88,7 +88,7 @@ def with_error(value: Any, error: float | None) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time that is only known roughly."""
+    """Return a time that is only known roughly."""
     if seconds < 9.5:
         return "below 0.01 s" if seconds < 0.01 else f"{seconds:.1g} s"
     if seconds < 600:
@@ -97,7 +97,7 @@ def duration(seconds: float) -> str:
 
 
 def storage(size: float) -> str:
-    """A number of bytes that is only known roughly."""
+    """Return a number of bytes that is only known roughly."""
     if size < 1e6:
         return "below 1 MB"
     return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
@@ -109,8 +109,8 @@ def status_in_words(summary: dict[str, Any]) -> str:
 
 
 def touch_each_other(summary: dict[str, Any]) -> bool:
-    """Whether bodies touch each other, or a rigid one several boundaries: then the contact force of
-    a boundary acts on the body that it is of, and the sum of all says nothing.
+    """Return whether bodies touch each other, or a rigid one several boundaries: then the contact
+    force of a boundary acts on the body that it is of, and the sum of all says nothing.
     """
     contacts = (summary.get("scene") or {}).get("contact", ())
     named = [(effect.get("foundation") or {}).get("rigid") for effect in contacts]
@@ -119,19 +119,19 @@ def touch_each_other(summary: dict[str, Any]) -> bool:
 
 
 def on_several_bodies(summary: dict[str, Any]) -> bool:
-    """Whether the contact forces have no resultant that acts on one body: they are those of several
-    such boundaries.
+    """Return whether the contact forces have no resultant that acts on one body: they are those of
+    several such boundaries.
     """
     return touch_each_other(summary) and len(summary.get("contact_boundaries", ())) > 1
 
 
 def load_step(row: dict[str, Any]) -> str:
-    """A load step by its number, name and time."""
+    """Return a load step by its number, name and time."""
     return str(StepRecord(row["step"], row["name"], row["time"]))
 
 
 def results_of(summary: dict[str, Any]) -> str:
-    """The load step that the results are of."""
+    """Return the load step that the results are of."""
     of = summary["results_of"]
     last = summary["steps"][-1]
     if of["status"] != Status.CONVERGED.value:

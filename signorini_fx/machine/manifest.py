@@ -19,7 +19,10 @@ _NEW = f"{MANIFEST}.new"
 
 
 def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
-    """List files; ``alone``: whether nothing else is listed any more."""
+    """List files.
+
+    ``alone``: whether nothing else is listed any more.
+    """
     listed = {*names, *(() if alone else _lines(folder))}
     new = folder / _NEW
     new.unlink(missing_ok=True)
@@ -39,7 +42,7 @@ def remove_part(folder: Path) -> None:
 
 
 def ours(folder: Path) -> set[str]:
-    """The files in a folder that its manifest lists, as paths in it."""
+    """Return the files in a folder that its manifest lists, as paths in it."""
     # What a manifest says of places outside, also by way of links, does not count.
     listed = {name for name in _lines(folder) if _within(folder, name)}
     return listed.union(name for name in (MANIFEST, _NEW) if (folder / name).is_file())
@@ -63,7 +66,9 @@ def foreign(folder: Path, names: Iterable[str]) -> list[str]:
 
 def remove(folder: Path, inner: str = "") -> None:
     """Remove everything that is listed, and the folders in it that are empty then; the manifest
-    stays; ``inner``: how the paths of what is removed begin.
+    stays.
+
+    ``inner``: how the paths of what is removed begin.
     """
     for name in ours(folder) - {MANIFEST}:
         file = folder / name
@@ -77,7 +82,9 @@ def remove(folder: Path, inner: str = "") -> None:
 
 
 def files(folder: Path) -> list[str]:
-    """All files in a folder but those that are not complete, as paths in it; a link is a file."""
+    """Return all files in a folder but those that are not complete, as paths in it; a link is a
+    file.
+    """
     found = []
     for root, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if name != PART]

@@ -33,7 +33,7 @@ def is_root(comm: MPI.Comm) -> bool:
 
 
 def clock(comm: MPI.Comm) -> float:
-    """Seconds on the clock of the first rank, the same on every rank: only differences mean
+    """Return seconds on the clock of the first rank, the same on every rank: only differences mean
     anything; collective.
     """
     return float(comm.bcast(time.perf_counter()))
@@ -134,8 +134,8 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
 
 
 def _as_sent(error: Exception) -> Exception:
-    """An error that all ranks can raise, in words where it cannot be sent: the others would wait
-    for it.
+    """Return an error that all ranks can raise, in words where it cannot be sent: the others would
+    wait for it.
     """
     try:
         MPI.pickle.loads(MPI.pickle.dumps(error))
@@ -175,8 +175,9 @@ def machine_memory(comm: MPI.Comm) -> float:
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the
-    contact boundary at most;
+    """Return rows of all ranks stacked in rank order, on every rank: for what is of the size of the
+    contact boundary at most.
+
     ``rows``: shape (n, ...), alike but for n, numbers or truth values.
     """
     if comm.size == 1:
@@ -186,8 +187,8 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks, see ``gather_rows``, stacked in rank order on the first rank, none on the
-    others: for what is of the size of the mesh.
+    """Return rows of all ranks, see ``gather_rows``, stacked in rank order on the first rank, none
+    on the others: for what is of the size of the mesh.
     """
     if comm.size == 1:
         return np.array(rows, order="C")
@@ -196,8 +197,9 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def exchanged(comm: MPI.Comm, parts: list[T]) -> list[T]:
-    """Return what the ranks send to this one, in their order; ``parts``: what this one sends to
-    each of them; collective.
+    """Return what the ranks send to this one, in their order; collective.
+
+    ``parts``: what this one sends to each of them.
     """
     return parts if comm.size == 1 else comm.alltoall(parts)
 
@@ -210,5 +212,7 @@ def rows_before(comm: MPI.Comm, count: int) -> int:
 
 
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:
-    """The largest time of each phase over the ranks; the phases are the same on all ranks."""
+    """Return the largest time of each phase over the ranks; the phases are the same on all
+    ranks.
+    """
     return {name: global_max(comm, value) for name, value in seconds.items()}

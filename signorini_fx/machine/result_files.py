@@ -60,7 +60,7 @@ def write_columns(path: Path, columns: Table) -> None:
 
 
 def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Any]:
-    """The values of a column as they are written in a CSV file."""
+    """Return the values of a column as they are written in a CSV file."""
     values = column.tolist() if isinstance(column, np.ndarray) else column
     values = [value.item() if isinstance(value, np.generic) else value for value in values]
     # A zero is added: no minus zero.
@@ -71,9 +71,9 @@ def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Any]:
 
 
 def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a CSV file by their names: floats where every entry is a number (an empty one
-    is nan), strings elsewhere; ValueError: a row has more or fewer entries than the header, or it
-    is not a CSV file.
+    """Return the columns of a CSV file by their names: floats where every entry is a number (an
+    empty one is nan), strings elsewhere; ValueError: a row has more or fewer entries than the
+    header, or it is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
@@ -143,8 +143,8 @@ _ALWAYS_NUMBERS = ("certificate", "moment")
 
 
 def _numbers(value: Any, key: str) -> Any:
-    """A value with nan for what a failed solve could not compute: null in a list, or under certain
-    keys.
+    """Return a value with nan for what a failed solve could not compute: null in a list, or under
+    certain keys.
     """
     if isinstance(value, dict):
         return {

@@ -29,8 +29,8 @@ _CONTROL = re.compile(
 
 
 def printable(text: str) -> str:
-    """A text without control characters, but for the ends of lines and tabs: titles, names and
-    messages of others may have some, with which a terminal would change its state, and which no
+    """Return a text without control characters, but for the ends of lines and tabs: titles, names
+    and messages of others may have some, with which a terminal would change its state, and which no
     page or table can show.
     """
     return _CONTROL.sub("", text)
@@ -65,7 +65,7 @@ class TerminalLine:
         return f"{self.begin}{self.text}"
 
     def coloured(self) -> str:
-        """The line as a terminal with colours shows it."""
+        """Return the line as a terminal with colours shows it."""
         code = _COLOURS.get(self.kind)
         begin = (
             printable(self.begin) if code is None else f"\x1b[{code}m{printable(self.begin)}\x1b[0m"
@@ -82,7 +82,8 @@ _COLOURS = {
 
 
 def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """Print on standard output, or on standard error; a stream that cannot be written is given up;
+    """Print on standard output, or on standard error; a stream that cannot be written is given up.
+
     ``output``: a text, printed as it is, or lines, which a terminal colours.
     """
     stream = sys.stderr if error else sys.stdout

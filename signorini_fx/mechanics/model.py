@@ -204,12 +204,14 @@ class Model:
 
     @shared_in("of_body")
     def forms(self) -> tuple[fem.Form, ...]:
-        """The compiled terms of a(., .)."""
+        """Return the compiled terms of a(., .)."""
         return tuple(self.terms())
 
     @shared_in("of_contact")
     def motions(self) -> RigidMotions:
-        """The free motions without strain; bodies that can touch each other are one assembly."""
+        """Return the free motions without strain; bodies that can touch each other are one
+        assembly.
+        """
         return self._free if self.boundary is None else self._free.joined(self.boundary)
 
     @shared_in("of_body")
@@ -235,12 +237,12 @@ class Model:
 
     @shared_in("of_contact")
     def at_contact(self) -> FreeMotions:
-        """The free motions at the contact points."""
+        """Return the free motions at the contact points."""
         return self.motions.at(self.boundary or no_points(self.space))
 
     def system_size(self, at_contact: FreeMotions | None = None) -> SystemSize:
-        """The figures that decide which kind of elastic system it gets, with free motions at the
-        contact points.
+        """Return the figures that decide which kind of elastic system it gets, with free motions at
+        the contact points.
         """
         at_contact = self.at_contact if at_contact is None else at_contact
         retained = 0
@@ -338,9 +340,9 @@ class Model:
         stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
     def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, Array]:
-        """The forces of ``relative`` on all unknowns of this rank but a pressure, and those of its
-        part at the contact points on rigid bodies, of displacements of the nodes, shape (dofs,),
-        and motions, shape (k,); collective.
+        """Return the forces of ``relative`` on all unknowns of this rank but a pressure, and those
+        of its part at the contact points on rigid bodies, of displacements of the nodes, shape
+        (dofs,), and motions, shape (k,); collective.
         """
         assert self.boundary is not None
         assert self.relative is not None
@@ -355,8 +357,8 @@ class Model:
 
     @shared_in("of_body")
     def _fit_for_blocks(self) -> bool:
-        """Whether a Krylov method with multigrid will solve for contact, for which a stiffness by
-        blocks is faster.
+        """Return whether a Krylov method with multigrid will solve for contact, for which a
+        stiffness by blocks is faster.
         """
         boundary = self.boundary
         if (
@@ -385,7 +387,7 @@ class Model:
 
     @property
     def mixed(self) -> MixedLaw | None:
-        """The law with a pressure as an unknown; None: there is none."""
+        """The law with a pressure as an unknown, or None if there is none."""
         law = self.elastic if self.elastic is not None and self.elastic.pressed else None
         return cast("MixedLaw | None", law)  # which only a mixed element imports
 
@@ -426,8 +428,8 @@ class Model:
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None: they
-        are the same.
+        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None if
+        they are the same.
         """
         return self._assembled[1]
 
@@ -458,8 +460,9 @@ class Model:
         return level
 
     def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
-        """What linear algebra needs to know of the body; ``coarser``: coarser meshes for
-        multigrid.
+        """Return what linear algebra needs to know of the body.
+
+        ``coarser``: coarser meshes for multigrid.
         """
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
@@ -487,8 +490,9 @@ class Model:
         pressure_load: Array | None = None,
         lifted: Array | None = None,
     ) -> LoadCase:
-        """The right-hand side of an ``AppliedLoad``; ``lifted``: what its forces lack of
-        ``prescribed``, None: all.
+        """Return the right-hand side of an ``AppliedLoad``.
+
+        ``lifted``: what its forces lack of ``prescribed``, None: all.
         """
         comm = self.comm
         dim = self.dimension
@@ -525,9 +529,12 @@ class Model:
         **options: Any,
     ) -> Task:
         """Return the contact problem, ready for ``strategy.solve_task`` or an algorithm of one's
-        own, with the first ``factors`` of the cases; ``allowed``: the regularisation error allowed
-        for path-following at a displacement, in the energy norm, None: that of the settings;
-        ``choose``: the elastic system and the reason for its kind; ``options``: see ``Task``.
+        own, with the first ``factors`` of the cases.
+
+        ``allowed``: the regularisation error allowed for path-following at a displacement, in the
+            energy norm, None: that of the settings.
+        ``choose``: the elastic system and the reason for its kind.
+        ``options``: see ``Task``.
         """
         system, reason = choose(
             self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra
@@ -560,8 +567,8 @@ class Model:
         )
 
     def from_rest(self, resting: ReferenceMotion | None, displacement: PETSc.Vec) -> fem.Function:
-        """A displacement that is counted from the reference motion, converted to one from the
-        initial position.
+        """Return a displacement that is counted from the reference motion, converted to one from
+        the initial position.
         """
         function = self.function(displacement)
         if resting is not None:
@@ -569,13 +576,13 @@ class Model:
         return function
 
     def displacement_of(self, resting: ReferenceMotion) -> Array:
-        """The displacement of a reference motion, ghosts included, length, shape (dofs,)."""
+        """Return the displacement of a reference motion, ghosts included, length, shape (dofs,)."""
         if resting.displacement is not None:
             return resting.displacement
         return self.motions.displacement(resting.motion).ravel()
 
     def function(self, x: PETSc.Vec) -> fem.Function:
-        """The finite element function with the unknowns ``x``."""
+        """Return the finite element function with the unknowns ``x``."""
         function = fem.Function(self.space, name="displacement")
         if self.mixed is not None:
             function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :])
@@ -586,8 +593,8 @@ class Model:
         return function
 
     def driven(self, x: PETSc.Vec, resting: ReferenceMotion | None) -> Array:
-        """The unknowns of rigid bodies in a displacement counted from the reference motion, shape
-        (k,).
+        """Return the unknowns of rigid bodies in a displacement counted from the reference motion,
+        shape (k,).
         """
         if self.boundary is None or self.boundary.moving is None:
             return np.zeros(0)
@@ -635,15 +642,15 @@ class Model:
         return np.array(forces.getArray(readonly=True)[: self.fixed.size])
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
-        """The unknowns x of a finite element function, the inverse of ``function``."""
+        """Return the unknowns x of a finite element function, the inverse of ``function``."""
         x = self.vector(function.x.array)
         if self.mixed is not None:
             x.getArray()[self._held.size :] = self.mixed.unknowns(function)
         return x
 
     def vector(self, values: Array) -> PETSc.Vec:
-        """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones
-        first.
+        """Return a new vector Q^T y of displacements or forces at the nodes of this rank, the owned
+        ones first.
         """
         if self.rotation is None:
             return vector_like(self.stiffness, values)
@@ -661,18 +668,18 @@ class Model:
         )
 
     def factors(self, step: float) -> Array:
-        """The factors of the applied loads at a place in the lists of factors, see
+        """Return the factors of the applied loads at a place in the lists of factors, see
         ``statement.load_path``.
         """
         return np.array([load.factor(self.statement, step) for load in self.applied])
 
     def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
-        """The applied loads at a place with their factors; collective."""
+        """Return the applied loads at a place with their factors; collective."""
         return [(load.factor(self.statement, step), load.at(step)) for load in self.applied]
 
     def first_sets(self) -> tuple[ActiveSets, int]:
-        """The sets of the first linear solve and its number, section 7: 0 if it only computes the
-        start; collective.
+        """Return the sets of the first linear solve and its number, section 7: 0 if it only
+        computes the start; collective.
         """
         assert self.boundary is not None
         region = self.settings.initial_contact
@@ -686,13 +693,13 @@ class Model:
 
     @shared_in("of_body")
     def cases(self) -> tuple[LoadCase, ...]:
-        """The right-hand sides of the applied loads, in their order; those of the first load step;
-        collective.
+        """Return the right-hand sides of the applied loads, in their order; those of the first load
+        step; collective.
         """
         return tuple(map(self.case_of, self.applied))
 
     def case_of(self, load: AppliedLoad) -> LoadCase:
-        """The right-hand side of an applied load; collective."""
+        """Return the right-hand side of an applied load; collective."""
         return self.case(
             load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load
         )
@@ -710,8 +717,8 @@ class Model:
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
-    """Values at the nodes of this rank, the owned ones first, as a new vector with the layout of a
-    matrix.
+    """Return values at the nodes of this rank, the owned ones first, as a new vector with the
+    layout of a matrix.
     """
     x = matrix.createVecRight()
     x.getArray()[:] = values.ravel()[: x.getLocalSize()]
@@ -719,9 +726,9 @@ def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
 
 
 def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.
-    On one rank dolfinx's matrix takes half the time of PETSc's; its entries are copied: petsc4py
-    never gives back the arrays of a matrix to which PETSc adds one with other entries.
+    """Return the matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; its
+    entries are copied: petsc4py never gives back the arrays of a matrix to which PETSc adds one
+    with other entries; collective. On one rank dolfinx's matrix takes half the time of PETSc's.
     """
     if forms[0].mesh.comm.size == 1:
         entries = fem.create_matrix(forms[0], la.BlockMode.expanded)

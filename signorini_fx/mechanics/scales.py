@@ -56,7 +56,9 @@ class Scales(Generic[_Size]):
         return self.size / nodes ** (1.0 / self.dimension)
 
     def side(self, area: Array) -> Array:
-        """Lengths of the sides of pieces of the surface with these areas (in 2D: lengths)."""
+        """Return lengths of the sides of pieces of the surface with these areas (in 2D:
+        lengths).
+        """
         return (area / self.depth) ** (1.0 / (self.dimension - 1))
 
     def stiffness(self, spacing: _Size) -> _Size:

@@ -38,7 +38,7 @@ class HasPoints(Protocol):
     """What states are of."""
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        """The contact points of this rank, and the space of displacements; collective."""
+        """Return the contact points of this rank, and the space of displacements; collective."""
 
 
 def _frozen(record: DataclassInstance) -> None:
@@ -181,7 +181,7 @@ class State:
         parallel.on_root(space.mesh.comm, write)
 
     def table(self, boundary: ContactBoundary, space: fem.FunctionSpace) -> dict[str, Any]:
-        """What is stored of it, on the first rank; collective."""
+        """Return what is stored of it, on the first rank; collective."""
         values = self.contact
         rows = {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}
         moved = self.displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
@@ -311,8 +311,8 @@ class State:
 
 
 def at_cells(fields: Mapping[str, Field], like: Mapping[str, Array]) -> dict[str, Array]:
-    """The values of fields at the cells that this rank owns, in the shapes of others with these
-    names.
+    """Return the values of fields at the cells that this rank owns, in the shapes of others with
+    these names.
 
     Raises:
         SceneError: a field is not there, or of another shape.
@@ -336,8 +336,8 @@ def _owned_cells(space: fem.FunctionSpace) -> int:
 
 
 def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
-    """Values at nodes, ghosts included, in each owned cell: up to degree 2 the order of nodes there
-    is that of the input.
+    """Return values at nodes, ghosts included, in each owned cell: up to degree 2 the order of
+    nodes there is that of the input.
     """
     nodes = space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts
     of_nodes = values.reshape(nodes, values.size // max(nodes, 1))
@@ -345,7 +345,9 @@ def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
 
 
 def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:
-    """The inverse of ``_by_cell``, from the values in all cells in the order of the input."""
+    """Return the inverse of ``_by_cell``, from the values in all cells in the order of the
+    input.
+    """
     nodes = np.asarray(space.dofmap.list)
     topology = space.mesh.topology
     if (
@@ -360,8 +362,8 @@ def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:
 
 
 def _rows_of(table: Mapping[str, Array], boundary: ContactBoundary, moved: Array) -> Ints:
-    """Which stored row belongs to each contact point, by its place and its displacement, shape
-    (n,).
+    """Return which stored row belongs to each contact point, by its place and its displacement,
+    shape (n,).
     """
     size = float(np.ptp(table["x"], axis=0).max()) or 1.0
     far = float(np.abs(table["y"]).max(initial=0.0)) or 1.0

@@ -179,8 +179,9 @@ class StepEffect:
         return cls()
 
     def initial(self, model: Model | None, state: State) -> State:
-        """Return the state before the first step with what the effect remembers; ``model``: None:
-        of forms, which state nothing of it.
+        """Return the state before the first step with what the effect remembers.
+
+        ``model``: None: of forms, which state nothing of it.
         """
         return state
 
@@ -194,8 +195,9 @@ class StepEffect:
         self, F: ufl.Form, J: ufl.Form | None, u: fem.Function, density: Expr | ufl.Form
     ) -> SteppedForms | None:
         """Return what steps of a nonlinear body are solved with in place of a residual at the
-        displacement ``u`` and its tangent, UFL, None: UFL finds it; ``density``: mass per volume or
-        the form of the mass; None: these.
+        displacement ``u`` and its tangent, UFL, None: UFL finds it; None: these.
+
+        ``density``: mass per volume or the form of the mass.
         """
         return None
 
@@ -233,7 +235,7 @@ class StepEffect:
 
     def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
         """Return the state to begin the same step from again, with what its solution says in fields
-        of the effect; None: it says what they have.
+        of the effect; None if it says what they have.
         """
         return None
 
@@ -255,7 +257,7 @@ class StepEffect:
 
     def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
         """Return why a step that has a solution has none with the effect, as worn cells have not;
-        None: it has one.
+        None if it has one.
         """
         return None
 

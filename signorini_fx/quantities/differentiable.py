@@ -34,7 +34,7 @@ class Functional:
         raise NotImplementedError
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
+        """J_y at the owned dofs, or None if it does not depend on the displacement; collective."""
         return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
@@ -149,7 +149,7 @@ class LargestPressure(Functional):
 
 
 def functional_of(model: Model, text: str) -> Functional:
-    """A result with its derivatives by its name; collective.
+    """Return a result with its derivatives by its name; collective.
 
     Args:
         model: the body of a scene, or of forms.
@@ -196,7 +196,7 @@ def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
 
 
 def _mean(model: Model, boundary: str, axis: str) -> Functional:
-    """The mean displacement of a boundary along an axis."""
+    """Return the mean displacement of a boundary along an axis."""
     z = ufl.TestFunction(model.space)
     component = _axis_of(model.dimension, axis)
     try:
@@ -213,7 +213,7 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
 
 
 def _displacement(model: Model, point: str, axis: str) -> Functional:
-    """The displacement of a point along an axis."""
+    """Return the displacement of a point along an axis."""
     at = [float(coordinate) for coordinate in point.split(",")]
     dim = model.dimension
     space = model.space

@@ -15,7 +15,7 @@ class Refused(Exception):
 
 
 def with_assumed(statement: str, assumed: str) -> str:
-    """A statement with what it rests on; "": nothing but the data."""
+    """Return a statement with what it rests on; "": nothing but the data."""
     return "; ".join(filter(None, (statement, assumed)))
 
 

@@ -73,15 +73,15 @@ def was_solved(summary: Summary) -> bool:
 
 
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The estimates of the finest mesh that was solved, the last solved row of the convergence
-    table; empty: there is none.
+    """Return the estimates of the finest mesh that was solved, the last solved row of the
+    convergence table; empty: there is none.
     """
     solved = [row for row in summary.get("convergence_table", []) if not row["predicted"]]
     return solved[-1] if solved else {}
 
 
 def figure(value: Any) -> str:
-    """A number without an error, or the components of a vector, with four digits each; ""
+    """Return a number without an error, or the components of a vector, with four digits each; ""
     for None.
     """
     if isinstance(value, list | tuple):
@@ -104,8 +104,8 @@ def _rounded(value: float, size: float) -> str:
 
 
 def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
-    """A value with the error that the number of this name has, relative to its size; without a
-    known error it has four digits.
+    """Return a value with the error that the number of this name has, relative to its size; without
+    a known error it has four digits.
     """
     row = summary.get("numbers", {}).get(name)
     if row is None:
@@ -117,7 +117,7 @@ def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
 
 
 def percent(error: float) -> str:
-    """A relative error, or another share, with two digits."""
+    """Return a relative error, or another share, with two digits."""
     return (
         f"{float(f'{100 * error:.2g}'):g} %"
         if error > 1e-5
@@ -135,24 +135,24 @@ _ESTIMATED = {"pressure": "pressure", "force": "force", "energy": "stress"}
 
 
 def row(label: str, text: str, kind: str = "") -> TerminalLine:
-    """A figure with its label."""
+    """Return a figure with its label."""
     return TerminalLine(f"  {label:16s} ", text, kind)
 
 
 def labelled(label: str, texts: list[str]) -> list[TerminalLine]:
-    """Lines of the table of which only the first has its label."""
+    """Return lines of the table of which only the first has its label."""
     return [row(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
 
 def digits(value: Any) -> str:
-    """A figure with six digits."""
+    """Return a figure with six digits."""
     if not isinstance(value, float):
         return in_brackets(value) if isinstance(value, list) else str(value)
     return f"{value:.6g}"
 
 
 def in_brackets(components: Sequence[float]) -> str:
-    """A vector."""
+    """Return a vector."""
     return "(" + ", ".join(f"{component:.6g}" for component in components) + ")"
 
 
@@ -171,8 +171,8 @@ def has_friction(summary: Summary) -> bool:
 
 
 def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
-    """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None:
-    there is none.
+    """Return the larger one of the raw and the recovered von Mises stress, and which it is ``of``;
+    None if there is none.
     """
     stress = summary.get("stress") or {}
     extremes = {
@@ -214,7 +214,7 @@ class Shown:
 
 
 def all_shown() -> list[Shown]:
-    """All that is shown, in its order, those of others last."""
+    """Return all that is shown, in its order, those of others last."""
     own = (
         Shown(one.key, one.key.replace("_", " "), brief=True, unit=one.unit)
         for one in own_quantities()
@@ -223,7 +223,7 @@ def all_shown() -> list[Shown]:
 
 
 def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
-    """The lines of a result."""
+    """Return the lines of a result."""
     value = summary.get(shown.key)
     if value is None:
         return []
@@ -256,7 +256,7 @@ def _limit(summary: Summary) -> Lines:
 
 
 def _corners(summary: Summary) -> Lines:
-    """The forces of corners, and whether the mesh resolves their contact."""
+    """Return the forces of corners, and whether the mesh resolves their contact."""
     lines = Lines()
     for entry in summary["corners"][:MOST_ROWS]:
         sums = [a + b for a, b in zip(entry["contact_force"], entry["friction_force"], strict=True)]
@@ -327,8 +327,8 @@ def _contact(summary: Summary) -> Lines:
 
 
 def _forces(summary: Summary) -> Lines:
-    """The normal and the tangential force on the body; where bodies touch each other those of each
-    boundary.
+    """Return the normal and the tangential force on the body; where bodies touch each other those
+    of each boundary.
     """
     entries = [
         {**entry, "name": f" on {entry['boundary']}"}
@@ -389,7 +389,7 @@ def _areas(summary: Summary) -> Lines:
 
 
 def _moment(key: str, summary: Summary) -> Lines:
-    """A resultant moment; components that are round-off of those at work count as zero."""
+    """Return a resultant moment; components that are round-off of those at work count as zero."""
     size = float(np.abs([summary["contact_moment"], summary["friction_moment"]]).max())
     if on_several_bodies(summary):
         return []
@@ -481,8 +481,8 @@ def _resultants(summary: Summary) -> Lines:
 
 
 def _stress(summary: Summary) -> Lines:
-    """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it
-    uses, and where.
+    """Return the larger one of the raw and the recovered von Mises stress, how much of the yield
+    stress it uses, and where.
     """
     largest = largest_von_mises(summary)
     if largest is None:
@@ -507,7 +507,7 @@ def _no_limit(largest: dict[str, Any]) -> str:
 
 
 def _plastic_strain(summary: Summary) -> Lines:
-    """The largest one and its place; or that nothing has yielded."""
+    """Return the largest one and its place; or that nothing has yielded."""
     largest = summary["plastic_strain"]
     return [
         "nothing has yielded"
@@ -517,7 +517,7 @@ def _plastic_strain(summary: Summary) -> Lines:
 
 
 def _utilisation(summary: Summary) -> Lines:
-    """The share, where it is reached, and what follows if it is above 1."""
+    """Return the share, where it is reached, and what follows if it is above 1."""
     largest = summary["utilisation"]
     exceeded = largest["value"] is not None and largest["value"] > 1
     yields = '; above the yield stress: use law = "j2"' if exceeded else ""
@@ -562,7 +562,7 @@ def _error(summary: Summary) -> Lines:
 
 
 def _error_of_mesh(summary: Summary) -> str:
-    """What the mesh leaves, in words."""
+    """Return what the mesh leaves, in words."""
     relative = (summary.get("error_bound") or {}).get("relative_error")
     if relative is not None:
         return f"at most {percent(relative)} of the energy norm, guaranteed"
@@ -629,9 +629,9 @@ _MOST_WARNINGS = 3
 
 
 def short_answer(summary: Summary, folder: Path | None = None) -> list[TerminalLine]:
-    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warnings,
-    what to do unless it is a solution, the figures that are asked for first, and the folder where
-    the results are, if there is one.
+    """Return what ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first
+    warnings, what to do unless it is a solution, the figures that are asked for first, and the
+    folder where the results are, if there is one.
     """
     warnings = warning_lines(summary)
     if (more := len(warnings) - _MOST_WARNINGS) > 0:
@@ -646,7 +646,7 @@ def short_answer(summary: Summary, folder: Path | None = None) -> list[TerminalL
 
 
 def _narrow(line: TerminalLine) -> list[TerminalLine]:
-    """A line with a short label, in 80 columns; a longer label ends with a colon."""
+    """Return a line with a short label, in 80 columns; a longer label ends with a colon."""
     label = line.begin.strip()
     begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
     # An error stays beside its number.
@@ -678,14 +678,14 @@ def outcome_lines(summary: Summary) -> list[TerminalLine]:
 
 
 def effect_lines(summary: Summary) -> list[TerminalLine]:
-    """The notes of what else happens from step to step, such as wear, under their keys."""
+    """Return the notes of what else happens from step to step, such as wear, under their keys."""
     notes = [found for found in summary["findings"] if found["level"] == "note"]
     keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]
     return [row(key, message) for key, message in keyed if key in names_of(STEP_EFFECTS)]
 
 
 def warning_lines(summary: Summary) -> list[TerminalLine]:
-    """The warnings, those of a certain entry before those of the whole scene."""
+    """Return the warnings, those of a certain entry before those of the whole scene."""
     found = [
         finding
         for finding in summary["findings"]

@@ -42,12 +42,14 @@ class Row(BaseModel):
 
 
 def described(text: str, **limits: Any) -> Any:
-    """A key that is always there; ``text`` says what it means."""
+    """Return a key that is always there; ``text`` says what it means."""
     return Field(description=text, **limits)
 
 
 def perhaps(text: str = "", unit: str = "") -> Any:
-    """A key that may be absent, and what its value is measured in, a word of ``units.names_of``."""
+    """Return a key that may be absent, and what its value is measured in, a word of
+    ``units.names_of``.
+    """
     return Field(
         default=None, description=text or None, json_schema_extra={"unit": unit} if unit else None
     )
@@ -353,7 +355,7 @@ class PrintedNumber(Row):
         return self.told()
 
     def told(self, unit: str = "") -> str:
-        """The number, its error and why it is so, in words."""
+        """Return the number, its error and why it is so, in words."""
         if self.error is None and self.why is not None and self.why.startswith(NO_FINITE_VALUE):
             return self.why
         text = f"{with_error(self.value, self.error)} {unit}".rstrip()
@@ -568,7 +570,7 @@ class Results:
         return tuple(sorted(file.stem for file in self.path.glob("*.csv")))
 
     def table(self, name: str) -> dict[str, Any]:
-        """The columns of a table as arrays.
+        """Return the columns of a table as arrays.
 
         Raises:
             ResultError: there is no such table, or it cannot be read.
@@ -658,8 +660,8 @@ def own_quantities() -> tuple[Quantity, ...]:
 
 @cache
 def _usable(name: str, extension: Any) -> Quantity:
-    """A quantity from an object, or from a class that needs no arguments, with a key that is not
-    taken.
+    """Return a quantity from an object, or from a class that needs no arguments, with a key that is
+    not taken.
     """
     quantity = extension() if isinstance(extension, type) else extension
     if not isinstance(quantity, Quantity) or not isinstance(getattr(quantity, "title", None), str):

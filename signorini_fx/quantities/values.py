@@ -69,7 +69,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
 
 
 def _zones(table: Any) -> dict[str, Any]:
-    """The zones on the contact boundary of a body in 2D, from node to node."""
+    """Return the zones on the contact boundary of a body in 2D, from node to node."""
     columns = table.columns
     touching = columns["state"] != "open"
     # Tresca friction acts on open nodes too, which are no zone of the contact.
@@ -95,8 +95,8 @@ def of_fields(solution: Any) -> dict[str, Any]:
 
 
 def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
-    """The functions of those that the scene asks for and that are computed once the results stand,
-    so that a failure is a warning.
+    """Return the functions of those that the scene asks for and that are computed once the results
+    stand, so that a failure is a warning.
     """
     functions: dict[str, Callable[[Any], Any]] = {}
     if solution.contact is not None:
@@ -127,7 +127,7 @@ def _cost(solution: Any) -> Any:
 
 
 def of_step(solution: Any) -> dict[str, Any]:
-    """The columns of a load step in steps.csv; collective."""
+    """Return the columns of a load step in steps.csv; collective."""
     contact = solution.contact
     columns = {} if contact is None else _of_contact_in_step(solution)
     energy = solution.last_step.strain_energy
@@ -176,7 +176,7 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
 
 
 def _boundaries(contacts: Sequence[Any]) -> list[str]:
-    """The contact boundaries whose forces have no sum that acts on one body; none: they have
+    """Return the contact boundaries whose forces have no sum that acts on one body; none: they have
     one.
     """
     names = [effect.boundary for effect in contacts]

@@ -59,8 +59,10 @@ class ContactFields:
         state: ContactState | None,
         selected: Flags | None = None,
     ) -> None:
-        """The values of a state, zero without one; ``selected``: the points to take, None: all; of
-        a node of two contacts the later one is taken; collective.
+        """The values of a state, zero without one; collective.
+
+        ``selected``: the points to take, None: all; of a node of two contacts the later one is
+            taken.
         """
         if state is None:
             for field in (self.pressure, self.shear, self.gap, self.slip):
@@ -114,9 +116,11 @@ def boundary_fields(
     facets: Sequence[Indices],
     number: int | None,
 ) -> BoundaryFields:
-    """The fields of a state on a mesh of its contact boundaries, see ``Solution.boundary_fields``;
+    """Return the fields of a state on a mesh of its contact boundaries, see
+    ``Solution.boundary_fields``; collective.
+
     ``facets``: of each contact, those whose cell this rank owns, local numbers; of pairs on the
-    side with the points; collective.
+        side with the points.
     """
     if number is not None and not 0 <= number < len(facets):
         raise ValueError(
@@ -145,8 +149,8 @@ def boundary_fields(
 def _nodes_of_parent(
     part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: Indices
 ) -> Indices:
-    """The parent's node at each node of each cell of the part, by position: orders in facets differ
-    between cells.
+    """Return the parent's node at each node of each cell of the part, by position: orders in facets
+    differ between cells.
     """
     parent_nodes = facet_nodes(parent, facets)
     part_nodes = part.dofmap.list

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def contact_figures(
     model: Model, kinematics: Kinematics, contact: ContactState
 ) -> list[ContactFigures]:
-    """The figures of each contact boundary, in the order of the scene; collective."""
+    """Return the figures of each contact boundary, in the order of the scene; collective."""
     boundary = contact.boundary
     comm = contact.boundary.comm
     figures = []
@@ -182,8 +182,9 @@ def _moment_about_middle(
 
 
 def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """The sum of the largest shears in the direction of a resultant, zero: in any; ``tangents``:
-    the semi-axes.
+    """Return the sum of the largest shears in the direction of a resultant, zero: in any.
+
+    ``tangents``: the semi-axes.
     """
     lengths = np.linalg.norm(tangents, axis=1)
     largest = lengths.max(axis=1)
@@ -195,9 +196,9 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
 
 
 def friction_used(model: Model, contact: ContactState, step: float) -> float | None:
-    """The share of its friction that the loads of a solution use: with friction bounds as they are,
-    the nodes in contact balance the loads up to 1 / share of their size; of several bodies the
-    largest; None without friction, or if supports hold the body; collective.
+    """Return the share of its friction that the loads of a solution use: with friction bounds as
+    they are, the nodes in contact balance the loads up to 1 / share of their size; of several
+    bodies the largest; None without friction, or if supports hold the body; collective.
     """
     if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
@@ -217,7 +218,7 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
 
 
 def load_on(model: Model, step: float) -> Array:
-    """The work of the loads of a load step on the free motions, shape (k,); collective."""
+    """Return the work of the loads of a load step on the free motions, shape (k,); collective."""
     motions = model.motions
     loads = [
         (
@@ -232,7 +233,7 @@ def load_on(model: Model, step: float) -> Array:
 
 
 def section_forces(model: Model, displacement: fem.Function, step: float) -> list[SectionForce]:
-    """The force through each section that a scene shortens, a tension: with the jump J of a
+    """Return the force through each section that a scene shortens, a tension: with the jump J of a
     shortening of one, which is that of the cells beyond the section alone, the work of the stress
     there on J without that of the loads in these cells; loads on their surface do not count;
     collective.

@@ -34,10 +34,11 @@ FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER)
 
 
 def write_fields(solution: Solution, folder: Path) -> list[str]:
-    """The names of the files that are written: displacement, stresses and shear energy density in
-    one file, with points of its own in each cell, as raw stresses jump; with load steps one for
-    each with a solution, and their list with their times.  The stress has nine components, which
-    ParaView takes for a tensor, in 2D too.  An OSError is raised on all ranks alike; collective.
+    """Return the names of the files that are written: displacement, stresses and shear energy
+    density in one file, with points of its own in each cell, as raw stresses jump; with load steps
+    one for each with a solution, and their list with their times.  The stress has nine components,
+    which ParaView takes for a tensor, in 2D too.  An OSError is raised on all ranks alike;
+    collective.
     """
     if not solution.model.path.several:
         write_vtu(folder / VTU, solution.comm, *grid_of(solution.at(solution.last_step)))
@@ -89,7 +90,7 @@ def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
 
 
 def computed_fields(solution: Solution) -> dict[str, fem.Function]:
-    """What effects have computed at the nodes for the step that is shown, by name."""
+    """Return what effects have computed at the nodes for the step that is shown, by name."""
     space = solution.model.space
     nodes = fem.functionspace(space.mesh, ("Lagrange", space.element.basix_element.degree))
     functions = dict[str, fem.Function]()
@@ -142,8 +143,8 @@ _STATES = ("open", "stick", "slip")
 
 
 def facets_of(table: ContactTable) -> Ints:
-    """The rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m, 3), (m,
-    4) or (m, 9).
+    """Return the rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m,
+    3), (m, 4) or (m, 9).
     """
     assert table.facets is not None
     facets = table.facets[(table.facets >= 0).all(axis=1)]
@@ -176,9 +177,12 @@ _NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype
 def write_vtu(
     path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int, fields: Mapping[str, Array]
 ) -> None:
-    """Write the cells of all ranks as one grid; ``points``: of this rank, shape (n, 3); ``cells``:
-    their local numbers in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``:
-    values at the points, shape (n,) or (n, components); collective.
+    """Write the cells of all ranks as one grid; collective.
+
+    ``points``: of this rank, shape (n, 3).
+    ``cells``: their local numbers in VTK's order, shape (cells, corners).
+    ``kind``: VTK's number.
+    ``fields``: values at the points, shape (n,) or (n, components).
     """
     corners = cells.shape[1]
     first_cell = parallel.rows_before(comm, len(cells))

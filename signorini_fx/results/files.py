@@ -169,7 +169,7 @@ def write_results(
 
 
 def title_of_result(folder: Path) -> str | None:
-    """The title of the scene whose result a folder has; None: it has none."""
+    """Return the title of the scene whose result a folder has, or None if it has none."""
     try:
         return str(read_summary(folder).get("title", ""))
     except ResultError:
@@ -177,7 +177,7 @@ def title_of_result(folder: Path) -> str | None:
 
 
 def _standing(solution: Solution) -> dict[str, Any]:
-    """The figures of the solution and its scene; collective."""
+    """Return the figures of the solution and its scene; collective."""
     model = solution.model
     tables = solution.statement.tables
     if "forms" in tables:
@@ -197,7 +197,7 @@ class _Written:
     def write(
         self, fields: bool, gather: Callable[[Solution], Any] | None, missing: str
     ) -> dict[str, Any]:
-        """What stands first; then what is said about it, and the pictures, of which each may
+        """Return what stands first; then what is said about it, and the pictures, of which each may
         fail.
         """
         solution = self.solution
@@ -230,7 +230,7 @@ class _Written:
         return summary
 
     def _stands(self, table: ContactTable | None, fields: bool) -> dict[str, Any]:
-        """Fields and the tables that everything else is about; returns the summary."""
+        """Return fields and the tables that everything else is about; returns the summary."""
         solution = self.solution
         comm = self.solution.comm
         part = self.folder.part
@@ -351,8 +351,8 @@ def for_json(value: Any) -> Any:
 
 
 def _contact_by_step(solution: Solution) -> Table:
-    """The columns of the contact boundary in all load steps, their numbers first; empty on other
-    ranks; collective.
+    """Return the columns of the contact boundary in all load steps, their numbers first; empty on
+    other ranks; collective.
     """
     tables: list[Table] = []
     for result in solution.shown_steps:
@@ -377,8 +377,9 @@ def describe(
     of_file: Callable[[Path], str] = lambda path: path.name,
 ) -> Any:
     """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be
-    written;
-    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have;
+    written.
+
+    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have.
     ``of_file``: what stands for a file.
     """
 

@@ -57,16 +57,21 @@ def motion_in_words(
 
 
 def ended_by(status: Status, told: Sequence[Finding]) -> str:
-    """Return how a ramp has ended in a few words; ``status``: of the load step without a solution;
-    ``told``: what is known of it.
+    """Return how a ramp has ended in a few words.
+
+    Args:
+        status: of the load step without a solution.
+        told: what is known of it.
     """
     ended = next((found.ended for found in told if found.ended), "") or motion_in_words(status)
     return ended or f"{'most likely, ' * (status in UNDECIDED)}{status.value}"
 
 
 def limit_of_ramp(model: Model, time: float, place: float, loads: str, reason: str) -> LimitOfRamp:
-    """Return the limit of a ramp that has come to a place and a time on its path; ``loads``: what
-    it bears there, in words; ``reason``: see ``ended_by``; collective.
+    """Return the limit of a ramp that has come to a place and a time on its path; collective.
+
+    ``loads``: what it bears there, in words.
+    ``reason``: see ``ended_by``.
     """
     held, full = map(np.linalg.norm, growing_force(model, place)) if loads else (0.0, 0.0)
     force = {"force": float(held), "full_force": float(full)} if full > 0.0 else {}

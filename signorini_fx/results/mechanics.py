@@ -51,8 +51,8 @@ class Mechanics(ABC):
     statement: Statement  # names; of forms of a user's own less than all that acts
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
-        """The contact points at a displacement, and what holds there; None: there is no contact;
-        collective.
+        """Return the contact points at a displacement, and what holds there; None if there is no
+        contact; collective.
         """
         if self.model.boundary is None:
             return None
@@ -71,13 +71,15 @@ class Mechanics(ABC):
         return ContactConditions(*points, self.model.law, data.bilateral, pairs, data.bond)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
-        """The shapes of hard foundations at a place in the lists of factors; None: the present."""
+        """Return the shapes of hard foundations at a place in the lists of factors; None: the
+        present.
+        """
         return ()
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
-        """The stress of a displacement at a place in the lists of factors, or why it is not known;
-        collective.
+        """Return the stress of a displacement at a place in the lists of factors, or why it is not
+        known; collective.
         """
 
     @cached_property
@@ -97,8 +99,8 @@ class Mechanics(ABC):
 
     @abstractmethod
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """The forces on the body without contact at a displacement and a place in the lists of
-        factors; collective.
+        """Return the forces on the body without contact at a displacement and a place in the lists
+        of factors; collective.
         """
 
     @abstractmethod
@@ -116,9 +118,11 @@ class Mechanics(ABC):
         rigid: tuple[RigidBodyMotion, ...],
         more: Sequence[Callable[[Array], AddedForces | None]] = (),
     ) -> Certificate:
-        """The certificate of a result at a place; ``last``: the end of the last load step;
+        """Return the certificate of a result at a place; collective.
+
+        ``last``: the end of the last load step.
         ``more``: give what effects in time add to the balance at a displacement; for the other
-        arguments see ``results.certificate.certificate.judged``; collective.
+            arguments see ``results.certificate.certificate.judged``.
         """
         balance = self.balance(displacement, step)
         driving: Sequence[Drive] = self.drives(step)
@@ -132,7 +136,7 @@ class Mechanics(ABC):
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
 
     def drives(self, step: float) -> list[Drive]:
-        """What drives rigid bodies at a place."""
+        """Return what drives rigid bodies at a place."""
         return self.model.rigid.drives()
 
 
@@ -191,7 +195,7 @@ def acting_on(
     *,
     displaced: bool = False,
 ) -> ActingForces:
-    """What acts on the body of a statement, ``followers`` among it, with the names of the
+    """Return what acts on the body of a statement, ``followers`` among it, with the names of the
     statement; collective.
     """
     from signorini_fx.results.resultants import ActingForces

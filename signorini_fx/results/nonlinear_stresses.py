@@ -69,8 +69,8 @@ class NonlinearForces(NodalForces):
         self._body.move_to(step)
 
     def residual(self, displacement: fem.Function, step: float) -> Array:
-        """Forces of materials without a state, springs and loads, forces of shape (owned dofs,);
-        collective.
+        """Return forces of materials without a state, springs and loads, forces of shape (owned
+        dofs,); collective.
         """
         self._move_to(displacement, step)
         forms = self._compiled("residual", lambda: [self._body.form])
@@ -105,8 +105,8 @@ class NonlinearForces(NodalForces):
         self._path = tuple(path)
 
     def stress_after(self, path: Path) -> PointStress:
-        """The Cauchy stress at the points of quadrature at the end of load steps; a mean stress
-        that is integrated with fewer points is the polynomial through them; collective.
+        """Return the Cauchy stress at the points of quadrature at the end of load steps; a mean
+        stress that is integrated with fewer points is the polynomial through them; collective.
         """
         self._go_through(path[:-1])
         self._move_to(*path[-1])
@@ -152,7 +152,7 @@ def _evaluated(expression: Expr, points: Array, mesh: dmesh.Mesh, cells: Indices
 
 
 def nonlinear_stresses(mechanics: Mechanics, forces: NonlinearForces, path: Path) -> RawStresses:
-    """The Cauchy stress at the end of load steps, at small strains the stress; nothing is
+    """Return the Cauchy stress at the end of load steps, at small strains the stress; nothing is
     recovered, and no error estimated; collective.
     """
     at_points = forces.stress_after(path)

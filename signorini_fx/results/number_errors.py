@@ -58,7 +58,7 @@ _FINE, _FINE_DEGREE = 400, 40
 
 
 def printed_numbers(solution: Any) -> dict[str, PrintedNumber]:
-    """The numbers that are printed of a solution, by their names; collective."""
+    """Return the numbers that are printed of a solution, by their names; collective."""
     found = dict[str, PrintedNumber]()
     if solution.contact is not None and solution.table.touching:
         found |= _forces(solution) | _moments(solution) | _motions(solution)
@@ -88,8 +88,8 @@ class _Resultant:
 
 
 def _forces(solution: Any) -> dict[str, PrintedNumber]:
-    """The contact force and the friction force, of bodies that touch each other those of each
-    boundary.
+    """Return the contact force and the friction force, of bodies that touch each other those of
+    each boundary.
     """
     each = solution.contact.forces_of_each
     contacts = solution.model.contacts
@@ -121,7 +121,10 @@ def _forces(solution: Any) -> dict[str, PrintedNumber]:
 def _errors_of_forces(
     solution: Any, wanted: Sequence[_Resultant], largest: float
 ) -> list[float] | str:
-    """The error of each resultant, or why they are not known; ``largest``: of all forces."""
+    """Return the error of each resultant, or why they are not known.
+
+    ``largest``: of all forces.
+    """
     price = solved_price(solution)
     turning = turning_shear(solution)
     if price is not None and price.force is not None:
@@ -148,25 +151,25 @@ def _errors_of_forces(
 
 
 def _share(solution: Any, error: float) -> float:
-    """The relative error of forces, from that of the displacement."""
+    """Return the relative error of forces, from that of the displacement."""
     return float(np.hypot(error**2, _missed_by_points(solution)))
 
 
 def _reach(solution: Any, one: _Resultant, largest: float) -> float:
-    """The largest force that a resultant may be: friction is at most its bound."""
+    """Return the largest force that a resultant may be: friction is at most its bound."""
     on = np.isin(solution.table.nodes[:, 0], one.parts).astype(np.float64)
     return _bounded(solution.table, on, largest) if one.friction else largest
 
 
 def _bounded(table: ContactTable, arms: Array, size: float) -> float:
-    """The largest sum of friction forces, times their ``arms``, shape (n,), or the ``size`` of
-    other forces if it is smaller.
+    """Return the largest sum of friction forces, times their ``arms``, shape (n,), or the ``size``
+    of other forces if it is smaller.
     """
     return float(np.fmin(table.columns["weight"] * arms @ table.columns["bound"], size))
 
 
 def _moments(solution: Any) -> dict[str, PrintedNumber]:
-    """The moments about the origin in 3D of forces that act on one body."""
+    """Return the moments about the origin in 3D of forces that act on one body."""
     contact = solution.contact
     boundary = contact.boundary
     if solution.table.facets is None or any(one.against for one in solution.model.contacts):
@@ -194,7 +197,7 @@ def _moments(solution: Any) -> dict[str, PrintedNumber]:
 
 
 def _motions(solution: Any) -> dict[str, PrintedNumber]:
-    """The displacements of rigid bodies that forces move.
+    """Return the displacements of rigid bodies that forces move.
 
     That of a single force which is the only load is its work over the force, and the error of the
     work is the squared one of the displacement of the body in the energy norm.
@@ -216,8 +219,8 @@ def _motions(solution: Any) -> dict[str, PrintedNumber]:
 
 
 def _from_loads(solution: Any, one: _Resultant) -> bool:
-    """Whether loads alone are known to determine a resultant: on a flat contact boundary, where
-    nothing else holds the body in that direction; of a user's forms that is not known.
+    """Return whether loads alone are known to determine a resultant: on a flat contact boundary,
+    where nothing else holds the body in that direction; of a user's forms that is not known.
     """
     model = solution.model
     columns = solution.table.columns
@@ -236,8 +239,9 @@ def _from_loads(solution: Any, one: _Resultant) -> bool:
 
 
 def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] | None:
-    """The sum of the sizes of a(e_y, e_z) in the cells, and what nodes miss of the gap, for each
-    resultant in its direction; None: no adjoint state is known, or it takes too long; collective.
+    """Return the sum of the sizes of a(e_y, e_z) in the cells, and what nodes miss of the gap, for
+    each resultant in its direction; None if no adjoint state is known, or it takes too long;
+    collective.
     """
     model = solution.model
     reached = solution.reached
@@ -271,7 +275,7 @@ def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] |
 
 
 def _missed_by_points(solution: Any) -> float:
-    """The share of a force that contact at nodes misses between them; collective."""
+    """Return the share of a force that contact at nodes misses between them; collective."""
     model = solution.model
     table = solution.table
     columns = table.columns
@@ -285,7 +289,7 @@ def _missed_by_points(solution: Any) -> float:
 
 
 def solved_price(solution: Any) -> Price | None:
-    """The last mesh of a convergence table; None: there is none."""
+    """Return the last mesh of a convergence table, or None if there is none."""
     prices = [price for price in solution.convergence_table if not price.predicted]
     return prices[-1] if prices else None
 
@@ -318,7 +322,7 @@ def _bow_of_gaps(solution: Any) -> Array:
 
 
 def _at_points(solution: Any, values: Array) -> Array:
-    """Values of the rows of the contact table at the points of this rank, shape (n,); zero
+    """Return values of the rows of the contact table at the points of this rank, shape (n,); zero
     between nodes.
     """
     table = solution.table
@@ -332,8 +336,8 @@ def _at_points(solution: Any, values: Array) -> Array:
 
 
 def turning_shear(solution: Any) -> float:
-    """The force of a shear that turns between two neighbouring nodes in contact, one of which
-    sticks or slips the other way, beyond what it changes beside them; 0 in 3D.
+    """Return the force of a shear that turns between two neighbouring nodes in contact, one of
+    which sticks or slips the other way, beyond what it changes beside them; 0 in 3D.
     """
     table = solution.table
     columns = table.columns
@@ -352,15 +356,15 @@ def turning_shear(solution: Any) -> float:
 
 
 def _around(solution: Any, rows: Ints) -> Array:
-    """The factor of lengths between nodes, see ``Kinematics.measure``, shape (rows - 1,)."""
+    """Return the factor of lengths between nodes, see ``Kinematics.measure``, shape (rows - 1,)."""
     x = places(solution.table)[rows]
     measure = solution.model.kinematics.measure_at((x[1:] + x[:-1]).T / 2)
     return np.broadcast_to(measure, len(rows) - 1)
 
 
 def force_between_points(solution: Any) -> float:
-    """The force of loads on boundaries that their quadrature misses, as where one jumps within a
-    facet; collective.
+    """Return the force of loads on boundaries that their quadrature misses, as where one jumps
+    within a facet; collective.
     """
     model = solution.model
     statement = solution.statement
@@ -434,8 +438,8 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
 
 
 def _near_a_corner(solution: Any) -> str:
-    """The end of a contact boundary in 2D where a pressure would have no limit, and that contact
-    reaches with a large one, or all but for one facet; "": there is none; collective.
+    """Return the end of a contact boundary in 2D where a pressure would have no limit, and that
+    contact reaches with a large one, or all but for one facet; "": there is none; collective.
     """
     table = solution.table
     touching = table.columns["state"] != "open"

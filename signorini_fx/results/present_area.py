@@ -21,8 +21,10 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 def present_pressure(
     table: ContactTable, contact: ContactState, displacement: fem.Function, *, revolved: bool
 ) -> Array:
-    """The pressure at each row of a table per present area, which is that between the displaced
-    nodes, shape (rows,); ``revolved``: whether areas are those of rings; collective.
+    """Return the pressure at each row of a table per present area, which is that between the
+    displaced nodes, shape (rows,); collective.
+
+    ``revolved``: whether areas are those of rings.
     """
     boundary = contact.boundary
     size = displacement.function_space.dofmap.index_map_bs
@@ -56,5 +58,5 @@ def present_pressure(
 
 
 def _lengths(x: Array, corners: Ints) -> Array:
-    """The length of each interval, shape (intervals,)."""
+    """Return the length of each interval, shape (intervals,)."""
     return np.linalg.norm(x[corners[:, 1]] - x[corners[:, 0]], axis=1)

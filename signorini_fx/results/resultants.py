@@ -66,13 +66,13 @@ class Resultant:
     size: tuple[float, float]
 
     def moment_about(self, point: npt.ArrayLike) -> float | Array:
-        """The moment about another point, length, shape (d,)."""
+        """Return the moment about another point, length, shape (d,)."""
         arms = self.about - np.asarray(point, dtype=np.float64)
         return _plain(np.atleast_1d(self.moment) + moments(arms, self.force))
 
     def as_dict(self, size: tuple[float, float], extent: float) -> dict[str, object]:
-        """A row of the summary, JSON-safe; what is round-off beside forces and moments of this
-        size, and beside the extent of the body, is zero.
+        """Return a row of the summary, JSON-safe; what is round-off beside forces and moments of
+        this size, and beside the extent of the body, is zero.
         """
         moment = clean(np.atleast_1d(self.moment).tolist(), size[1])
         return {
@@ -127,7 +127,7 @@ class Resultants:
     acting: ActingForces
 
     def of(self, boundary: str, about: npt.ArrayLike | None = None) -> Resultant:
-        """What acts through a named boundary; zero where nothing does; collective.
+        """Return what acts through a named boundary; zero where nothing does; collective.
 
         Args:
             boundary: its name.
@@ -201,7 +201,7 @@ class Resultants:
         return node_positions(self.displacement.function_space)[:owned, :dim] + self._moved[:owned]
 
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
-        """What contacts do to the other body, at its nodes; collective."""
+        """Return what contacts do to the other body, at its nodes; collective."""
         space = self.displacement.function_space
         facets = self.model.tagged.facets(boundary)
         on_boundary = fem.locate_dofs_topological(
@@ -212,8 +212,8 @@ class Resultants:
         return self._x, -total
 
     def _of_contact(self, *parts: int) -> Array:
-        """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d);
-        collective.
+        """Return the forces of the contact tractions, or those of some contacts, shape (owned
+        nodes, d); collective.
         """
         total = np.zeros_like(self._x)
         if self.contact is not None and self.conditions is not None:
@@ -230,7 +230,7 @@ class Resultants:
         return self.acting.balance.residual(self._of_contact())
 
     def _through(self, boundary: str) -> ByCause:
-        """The forces on the body at the nodes of a boundary."""
+        """Return the forces on the body at the nodes of a boundary."""
         by_cause = self._at_nodes(boundary)
         for sign, key in (
             (-1.0, "boundary"),
@@ -284,7 +284,7 @@ class Resultants:
         return {cause: (self._x, values) for cause, values in by_cause.items()}
 
     def _sum(self, boundary: str | None, forces: ByCause, about: npt.ArrayLike | None) -> Resultant:
-        """The resultant of what acts through a boundary."""
+        """Return the resultant of what acts through a boundary."""
         dim = self.model.dimension
         comm = self.model.comm
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
@@ -315,8 +315,8 @@ class Resultants:
         return self.statement.kinematics_in(self.model.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
-        """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point
-        itself.
+        """Return the middle of a boundary, and its normal if it is flat, as no displaced one is; a
+        point itself.
         """
         if boundary in self._points:
             return np.array(self._points[boundary]), None
@@ -334,8 +334,8 @@ class Resultants:
 
 
 def moments(arms: Array, forces: Array) -> Array:
-    """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in 2D, (..., 3)
-    in 3D.
+    """Return moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in 2D,
+    (..., 3) in 3D.
     """
     return CARTESIAN[forces.shape[-1]].turned(arms, forces)
 

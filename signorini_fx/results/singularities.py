@@ -98,8 +98,8 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
 
 
 def singular_corners(body: Model) -> list[tuple[Array, str]]:
-    """The corners of a body where its stress has no limit, even if it is a curve there, in 3D an
-    end of each side of a facet along an edge, and why; collective.
+    """Return the corners of a body where its stress has no limit, even if it is a curve there, in
+    3D an end of each side of a facet along an edge, and why; collective.
     """
     return [(corner[0], reason) for corner, _, reason in _corners(body, None)]
 
@@ -141,7 +141,9 @@ _REENTRANT = "at a reentrant corner of the body"
 
 
 def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool:
-    """Whether a force or a support acts at one node, within a cell from a place; collective."""
+    """Return whether a force or a support acts at one node, within a cell from a place;
+    collective.
+    """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
     statement = body.statement
@@ -160,8 +162,10 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
 
 
 def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str | None:
-    """Why the stress has no limit where two facets of a body meet; ``slack``: by how much, in
-    degrees, the angle may exceed the largest one where conditions change.
+    """Why the stress has no limit where two facets of a body meet.
+
+    ``slack``: by how much, in degrees, the angle may exceed the largest one where conditions
+        change.
     """
     if (
         facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
@@ -244,8 +248,8 @@ def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
 
 
 def ends_on_another(body: Model, table: ContactTable) -> list[int]:
-    """The rows in 2D at ends of a contact boundary beyond which another body goes on: there a
-    pressure has no limit; collective.
+    """Return the rows in 2D at ends of a contact boundary beyond which another body goes on: there
+    a pressure has no limit; collective.
     """
     ends = []
     for path in table.paths if "against" in table.columns else ():
@@ -263,7 +267,7 @@ def ends_on_another(body: Model, table: ContactTable) -> list[int]:
 
 
 def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
-    """What counts of the material of a cell: its kind, and its expansion where something
+    """Return what counts of the material of a cell: its kind, and its expansion where something
     expands.
     """
     strained = bool(body.statement.of(InitialStrain))
@@ -280,8 +284,8 @@ def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
 
 
 def _conditions(body: Model) -> Callable[[int, Array, Array], tuple[str, tuple[str, ...], str]]:
-    """What is prescribed on a facet with a normal and these corners, by which boundaries, and how
-    it may touch another body.
+    """Return what is prescribed on a facet with a normal and these corners, by which boundaries,
+    and how it may touch another body.
     """
     dim = body.tagged.dimension
 

@@ -370,7 +370,7 @@ class Solution:
     @cached_property
     def no_limit_of_pressure(self) -> str | None:
         """Why the contact pressure has no limit as the mesh is refined, and where: at a corner of
-        the body, or an end of its contact boundary, towards which it is convex; None: nothing is
+        the body, or an end of its contact boundary, towards which it is convex; None if nothing is
         known; collective.
         """
         stated = isinstance(self.mechanics, StatedMechanics)
@@ -643,7 +643,9 @@ class ConvergenceError(SignoriniError):
 
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:
-    """How a solve without a solution ended; with load steps, which one, and what there is."""
+    """Return how a solve without a solution ended; with load steps, which one, and what there
+    is.
+    """
     status = solution.status
     last = solution.last_step
     failed = solution.steps[-1]

@@ -46,7 +46,7 @@ COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("
 
 
 def _limit(material: Material) -> float:
-    """The von Mises stress at which a material yields; infinite: it is not known."""
+    """Return the von Mises stress at which a material yields; infinite: it is not known."""
     return math.inf if (stress := getattr(material, "yield_stress", None)) is None else stress
 
 
@@ -133,8 +133,8 @@ class StressFields:
         return self._function("principal_stresses", principal_of(self._nodal()))
 
     def component(self, name: str) -> fem.Function:
-        """A component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz`` is that
-        out of the plane.
+        """Return a component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz``
+        is that out of the plane.
 
         Raises:
             ValueError: there is no such component.
@@ -193,8 +193,8 @@ class StressFields:
         return principal_of(self._samples()[0])
 
     def _samples(self) -> tuple[Array, Array, Callable[[int], int]]:
-        """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number
-        of a cell there.
+        """Return the tensor where extremes are sought, shape (n, 3, 3), these places, and the local
+        number of a cell there.
         """
         space = self.tensor.function_space
         x = node_positions(space)[:, : space.mesh.topology.dim]
@@ -203,8 +203,8 @@ class StressFields:
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
     def _extreme_of(self, values: Array, sign: float = 1.0) -> Extreme:
-        """The largest of finite values at the same points, or with ``sign`` -1 the smallest, and
-        where; collective.
+        """Return the largest of finite values at the same points, or with ``sign`` -1 the smallest,
+        and where; collective.
         """
         topology = self.tensor.function_space.mesh.topology
         _, x, cell_of = self._samples()
@@ -228,8 +228,10 @@ class StressFields:
         return Extreme(sign * best, place, number)
 
     def utilised(self, limit: fem.Function) -> Extreme:
-        """Return the place where the von Mises stress is the largest share of a limit; ``limit``: a
-        stress of each cell, a function of degree 0, infinite where there is none; collective.
+        """Return the place where the von Mises stress is the largest share of a limit; collective.
+
+        Args:
+            limit: a stress of each cell, a function of degree 0, infinite where there is none.
         """
         cells = self.von_mises.function_space.dofmap
         share = self.von_mises.x.array.copy()
@@ -237,11 +239,13 @@ class StressFields:
         return self._extreme_of(share[: cells.index_map.size_local])
 
     def _nodal(self) -> Array:
-        """The tensor at the points of its function space on this rank, shape (n, 3, 3)."""
+        """Return the tensor at the points of its function space on this rank, shape (n, 3, 3)."""
         return self.tensor.x.array.reshape(-1, 3, 3)
 
     def _function(self, name: str, values: Array) -> fem.Function:
-        """A field on the points of the tensor, which all spaces of one degree number alike."""
+        """Return a field on the points of the tensor, which all spaces of one degree number
+        alike.
+        """
         space = self.tensor.function_space
         degree = space.element.basix_element.degree
         shape = values.shape[1:]
@@ -267,8 +271,8 @@ class PointStress:
     )
 
     def on_cells(self, values: Array, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
-        """The polynomials in cells that are nearest to values at the points, of numbers, shape (c,
-        q), no less or more than these; collective.
+        """Return the polynomials in cells that are nearest to values at the points, of numbers,
+        shape (c, q), no less or more than these; collective.
         """
         function = fem.Function(
             fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name
@@ -325,7 +329,7 @@ class RawStresses(StressFields):
     @cached_property
     def plastic_strain(self) -> fem.Function | None:
         """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell
-        within the values at its points; None: there is none.
+        within the values at its points; None if there is none.
         """
         if self.at_points is None or self.at_points.plastic is None:
             return None
@@ -334,8 +338,8 @@ class RawStresses(StressFields):
         return self.at_points.on_cells(self.at_points.plastic, space.mesh, degree, "plastic_strain")
 
     def plastic_extreme(self) -> dict[str, Any] | None:
-        """The largest one at the points of quadrature, where, and the region of its material, if
-        there are several, JSON-safe; None: there is none; collective.
+        """Return the largest one at the points of quadrature, where, and the region of its
+        material, if there are several, JSON-safe; None if there is none; collective.
         """
         if self.at_points is None or self.at_points.plastic is None:
             return None
@@ -390,8 +394,8 @@ class RawStresses(StressFields):
         return np.asarray(self.mechanics.recovery.squares(self.stress.displacement, self.place))
 
     def as_dict(self) -> dict[str, Any]:
-        """Extremes of the raw stress and those of the recovered one, with the estimated error,
-        JSON-safe; collective.
+        """Return extremes of the raw stress and those of the recovered one, with the estimated
+        error, JSON-safe; collective.
 
         Those of a scene have each why it has no limit, if it is known to have none, see
         ``no_limit``, and the name of its body or of the region of its material, if there are
@@ -441,9 +445,9 @@ class RawStresses(StressFields):
         return why if share > 2 * NOTABLE else None
 
     def _error_of_largest(self, raw: Extreme, recovered: Extreme) -> float:
-        """The error of the larger one of the largest von Mises stresses: from their difference, and
-        in the cells at the place of the raw one from their jumps, from what is recovered there, and
-        from its mean; collective.
+        """Return the error of the larger one of the largest von Mises stresses: from their
+        difference, and in the cells at the place of the raw one from their jumps, from what is
+        recovered there, and from its mean; collective.
         """
         model: Model = self.mechanics.model
         off = [abs(recovered.value - raw.value)]
@@ -471,9 +475,9 @@ class RawStresses(StressFields):
         return float(max(*off, abs(raw.value - mean[0] / max(mean[1], 1.0))))
 
     def utilisation(self) -> dict[str, Any] | None:
-        """The largest share of the yield stress, of raw and recovered stress the one that uses
-        more, and where, JSON-safe; None: no yield stress is known, and of nonlinear materials;
-        collective.
+        """Return the largest share of the yield stress, of raw and recovered stress the one that
+        uses more, and where, JSON-safe; None if no yield stress is known, and of nonlinear
+        materials; collective.
         """
         model = self.mechanics.model
         if not self.recovers or all(math.isinf(_limit(one)) for one in model.materials):
@@ -497,7 +501,7 @@ class RawStresses(StressFields):
         return cache(partial(why_no_limit, self.mechanics.model))
 
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
-        """An extreme, with the part of several, and of a linear body why there is no limit;
+        """Return an extreme, with the part of several, and of a linear body why there is no limit;
         JSON-safe; collective.
         """
         told = {"value": extreme.value, "place": [*extreme.place]}
@@ -511,15 +515,14 @@ class RawStresses(StressFields):
 
 
 def von_mises_of(sigma: Array) -> Array:
-    """The von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
+    """Return the von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
     deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     return np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator))
 
 
 def principal_of(sigma: Array) -> Array:
-    """The principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3); nan
-    where a tensor is not
-    finite: a solve that failed may leave anything behind.
+    """Return the principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3);
+    nan where a tensor is not finite: a solve that failed may leave anything behind.
     """
     finite = np.isfinite(sigma).all(axis=(1, 2))
     values = np.full((len(sigma), 3), np.nan)
@@ -528,7 +531,7 @@ def principal_of(sigma: Array) -> Array:
 
 
 def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
-    """Return the one of some regions that a cell is in, by its global number; None: it is in none
+    """Return the one of some regions that a cell is in, by its global number; None if it is in none
     of them; collective.
     """
     cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
@@ -544,7 +547,7 @@ def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
 
 
 def interpolated(expression: Expr, space: fem.FunctionSpace, name: str = "f") -> fem.Function:
-    """A UFL expression of the shape of the space, interpolated into it; collective."""
+    """Return a UFL expression of the shape of the space, interpolated into it; collective."""
     function = fem.Function(space, name=name)
     with compiling():
         compiled = fem.Expression(

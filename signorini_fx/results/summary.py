@@ -37,7 +37,7 @@ from signorini_fx.tuned import ERROR_PATIENCE
 
 
 def summary_of(solution: Solution) -> dict[str, Any]:
-    """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
+    """Return all figures of a solve that stand, JSON-safe; collective, the same on every rank."""
     history = solution.history
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
@@ -86,8 +86,9 @@ def summary_of(solution: Solution) -> dict[str, Any]:
 def _step_summary(
     solution: Solution, findings: list[dict[str, Any]], *, figures: bool
 ) -> dict[str, Any]:
-    """A row of the table of load steps; ``figures``: whether they mean anything, else they are not
-    a number.
+    """Return a row of the table of load steps.
+
+    ``figures``: whether they mean anything, else they are not a number.
     """
     result = solution.last_step
     row = {
@@ -142,7 +143,7 @@ def print_progress(record: Record) -> None:
 
 
 def lines_of(summary: Summary, folder: Path) -> list[TerminalLine]:
-    """The whole summary for a terminal, and where the results are."""
+    """Return the whole summary for a terminal, and where the results are."""
     return [*_figures(summary), row("results", f"{folder}/")]
 
 
@@ -177,7 +178,7 @@ def _figures(summary: Summary) -> list[TerminalLine]:
 
 
 def _events(events: list[str]) -> list[TerminalLine]:
-    """The events of the history by kind."""
+    """Return the events of the history by kind."""
     shown = dict.fromkeys(event for event in events if not event.startswith("level "))
     beginnings = {
         "increments": "load step ",
@@ -209,7 +210,7 @@ _PACKAGES = ("fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", 
 
 
 def versions() -> dict[str, str]:
-    """Versions of all libraries, and the BLAS in use."""
+    """Return versions of all libraries, and the BLAS in use."""
     import dolfinx
     from petsc4py import PETSc
 
@@ -250,9 +251,11 @@ T = TypeVar("T")
 def post_processing(
     comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]
 ) -> T | None:
-    """What ``state`` returns; None if it fails on any rank, with a warning among the findings;
-    ``subject``: a key of the summary; ``findings``: its rows.  An error is raised if the other
-    ranks wait for this one; collective.
+    """Return what ``state`` returns; None if it fails on any rank, with a warning among the
+    findings; collective.
+
+    ``subject``: a key of the summary.
+    ``findings``: its rows.  An error is raised if the other ranks wait for this one.
     """
     apart = comm.Dup()  # the others may be in a collective call of ``comm``
     result: T | None = None
@@ -287,14 +290,14 @@ def failure_in_words(error: Exception) -> str:
 
 
 def asked(solution: Solution) -> dict[str, Callable[[Solution], Any]]:
-    """The keys of the summary that ``proved`` may add, and what computes them."""
+    """Return the keys of the summary that ``proved`` may add, and what computes them."""
     own = {quantity.key: partial(_own_value, quantity) for quantity in own_quantities()}
     return {**afterwards(solution), **own}
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """What is computed once the results stand, as far as the scene asks for it: entries of the
-    summary; collective.
+    """Return what is computed once the results stand, as far as the scene asks for it: entries of
+    the summary; collective.
     """
     entries: dict[str, Any] = {}
     for key, value_of in asked(solution).items():
@@ -309,6 +312,6 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
 
 
 def _own_value(quantity: Quantity, solution: Solution) -> float | list[float] | None:
-    """The value of a quantity of one's own, as JSON has it."""
+    """Return the value of a quantity of one's own, as JSON has it."""
     adapter: TypeAdapter[float | list[float] | None] = TypeAdapter(float | list[float] | None)
     return adapter.validate_python(quantity.value(solution), strict=True)

@@ -99,8 +99,8 @@ def check_scene(
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:
-    """The body of a scene with the cells and elements that its solve takes, after all checks of the
-    solver.
+    """Return the body of a scene with the cells and elements that its solve takes, after all checks
+    of the solver.
     """
     first = scene
     if scene.accuracy is not None:
@@ -115,8 +115,9 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
 
 
 def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
-    """Return the loads, supports and contacts of a scene in words; ``compared``: whether there are
-    several meshes; collective.
+    """Return the loads, supports and contacts of a scene in words; collective.
+
+    ``compared``: whether there are several meshes.
     """
     statement = model.statement
     first, reduced = _body(model)
@@ -149,7 +150,7 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
 
 
 def _body(model: Model) -> tuple[str, bool]:
-    """The body in words, and whether its volume is integrated with fewer points."""
+    """Return the body in words, and whether its volume is integrated with fewer points."""
     statement = model.statement
     if not statement.nonlinear:
         return f"elasticity ({model.kinematics.words})", model.scene_law.reduced is not None
@@ -203,7 +204,7 @@ def given_in_words(table: Table) -> str:
 
 
 def _in_words(value: Any) -> str:
-    """A value, without its end where it is long."""
+    """Return a value, without its end where it is long."""
     match value:
         case bool():
             return "yes" if value else "no"
@@ -220,7 +221,7 @@ def _in_words(value: Any) -> str:
 
 
 def _gaps(model: Model, index: int) -> str:
-    """The smallest and the largest gap of one contact in words; collective."""
+    """Return the smallest and the largest gap of one contact in words; collective."""
     assert model.boundary is not None
     assert model.data is not None
     gaps = model.data.gap[model.boundary.part == index]
@@ -232,8 +233,9 @@ def _gaps(model: Model, index: int) -> str:
 
 
 def text_of(check: Check, *, verbose: bool) -> str:
-    """Return what acts, the cost, and the findings of a scene, in 80 columns; ``verbose``: also the
-    linear algebra.
+    """Return what acts, the cost, and the findings of a scene, in 80 columns.
+
+    ``verbose``: also the linear algebra.
     """
     cost = check.cost
     low, high = cost.linear_solves
@@ -259,6 +261,6 @@ def text_of(check: Check, *, verbose: bool) -> str:
 
 
 def _paragraph(label: str, text: str) -> list[str]:
-    """A labelled text in lines of 80 columns."""
+    """Return a labelled text in lines of 80 columns."""
     lines = textwrap.wrap(printable(text), COLUMNS - _LABEL)
     return [f"  {label if k == 0 else '':{_LABEL - 2}s}{line}" for k, line in enumerate(lines)]

@@ -308,7 +308,10 @@ def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Fi
 
 def scene_of(mesh: MeshFile, arrays: MeshArrays, file: Path) -> str:
     """Return the text of a scene for a drawing or a mesh, in which the user fills in materials,
-    supports and loads; ``arrays``: the mesh; ``file``: of the scene.
+    supports and loads.
+
+    ``arrays``: the mesh.
+    ``file``: of the scene.
     """
     found = proposed_contacts(arrays)
     contacts = found.contacts

@@ -22,8 +22,8 @@ from signorini_fx.scenes.scene import Scene
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh that a scene names, or that its bodies make together, with the boundaries that it
-    joins; collective.
+    """Return the mesh that a scene names, or that its bodies make together, with the boundaries
+    that it joins; collective.
     """
     tagged = _loaded(scene, comm)
     for contact in scene.contact:
@@ -33,7 +33,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 
 def _loaded(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh as its sources give it; collective."""
+    """Return the mesh as its sources give it; collective."""
     if scene.body:
         made = (
             mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True)
@@ -51,9 +51,9 @@ def _loaded(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 
 def with_cells_alike(scene: Scene, comm: MPI.Comm) -> Scene:
-    """The scene with one kind of cell for all generators of several bodies: that which it gives one
-    of them, or that of a mesh with cells, otherwise the first of their own ones that all can make;
-    collective.
+    """Return the scene with one kind of cell for all generators of several bodies: that which it
+    gives one of them, or that of a mesh with cells, otherwise the first of their own ones that all
+    can make; collective.
     """
     able = dict[int, tuple[str, ...]]()
     meshes = scene.meshes
@@ -84,8 +84,8 @@ def with_cells_alike(scene: Scene, comm: MPI.Comm) -> Scene:
 
 
 def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 0) -> TaggedMesh:
-    """The mesh of one of several bodies, None: the only one; of a file with its sides halved that
-    many times.
+    """Return the mesh of one of several bodies, None: the only one; of a file with its sides halved
+    that many times.
     """
     source = scene.mesh if number is None else scene.body[number].mesh
     sizes = contact_sizes(scene, number)
@@ -111,13 +111,13 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:
-    """The scene on a mesh with elements ``factor`` times as large."""
+    """Return the scene on a mesh with elements ``factor`` times as large."""
     scene = scene.model_copy(update={"contact": with_larger_contact_sizes(scene.contact, factor)})
     return scene.with_meshes(mesh.coarser(factor) for mesh in scene.meshes)
 
 
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
-    """The scene with the sides of all cells of all of its bodies halved that many times;
+    """Return the scene with the sides of all cells of all of its bodies halved that many times;
     collective.
 
     Generators and drawings make new cells on the true shape, cells of other files are divided on
@@ -139,8 +139,8 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
-    """The scene on at most ``levels - 1`` coarser meshes, each with elements twice as large as the
-    next.
+    """Return the scene on at most ``levels - 1`` coarser meshes, each with elements twice as large
+    as the next.
     """
     if levels == 1:
         return []

@@ -70,8 +70,8 @@ _SIMPLEX = {
 
 
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """How to refine the mesh of a scene; cells on arcs are not divided: they would converge to that
-    on a polygon.
+    """Return how to refine the mesh of a scene; cells on arcs are not divided: they would converge
+    to that on a polygon.
     """
     requested = goal
     if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
@@ -106,8 +106,8 @@ def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygona
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
-    """The plan for cells that gmsh makes anew; None: of one straight body divided ones change
-    less.
+    """Return the plan for cells that gmsh makes anew; None: of one straight body divided ones
+    change less.
     """
     if not scene.statement.remade:
         return None
@@ -130,8 +130,8 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
 
 
 def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
-    """Several bodies as one mesh of straight triangles that can be divided; None: some have arcs or
-    other cells.
+    """Several bodies as one mesh of straight triangles that can be divided, or None if some have
+    arcs or other cells.
     """
     meshes = scene.meshes
     for number, mesh in enumerate(meshes):
@@ -154,7 +154,7 @@ def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
 
 
 def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
-    """The scene on other cells, of several bodies on those of all of them."""
+    """Return the scene on other cells, of several bodies on those of all of them."""
     if not scene.body:
         return scene.model_copy(update={"mesh": tagged})
     contacts = tuple(contact.model_copy(update={"contact_size": None}) for contact in scene.contact)
@@ -162,8 +162,8 @@ def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
 
 
 def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
-    """All cells of all bodies become smaller together; those of generators with arcs are as for one
-    body.
+    """Return all cells of all bodies become smaller together; those of generators with arcs are as
+    for one body.
     """
     for number, body in enumerate(scene.body):
         if isinstance(body.mesh, TaggedMesh):
@@ -264,7 +264,11 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedScene(MeshedProblem):
-    """A scene on one of several meshes; ``plan``: how it is refined for an accuracy."""
+    """A scene on one of several meshes.
+
+    Attributes:
+        plan: how it is refined for an accuracy.
+    """
 
     scene: Scene
     plan: Plan | None = None
@@ -314,8 +318,8 @@ class MeshedScene(MeshedProblem):
         return SolvedMesh(solution, solution.model.tagged, task, outcome, step_errors=step_errors)
 
     def keeping(self, solved: SolvedMesh) -> Self:
-        """The contact points of pairs stay on the sides that were chosen on the first mesh: forces
-        have their sign.
+        """Return the contact points of pairs stay on the sides that were chosen on the first mesh:
+        forces have their sign.
         """
         if solved.solution.statement.sides[1] is None:
             return self
@@ -396,7 +400,7 @@ def _errors_of_nonlinear(problem: ProblemOfForms, solution: Solution) -> list[Er
 
 
 def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
-    """The meshes of a scene on the way to an accuracy."""
+    """Return the meshes of a scene on the way to an accuracy."""
     plan = planned(scene, goal, comm)
     generated = plan.scene.statement.generated
     any_jump = plan.scene.statement.generated and not plan.adaptive

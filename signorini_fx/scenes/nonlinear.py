@@ -77,7 +77,7 @@ def build_problem(
     history: History,
     effects: Sequence[StepEffect] = (),
 ) -> ProblemOfScene:
-    """The problem of a scene on its mesh, with effects in time beside those of its entries;
+    """Return the problem of a scene on its mesh, with effects in time beside those of its entries;
     collective.
     """
     timings = Timings()
@@ -88,7 +88,9 @@ def build_problem(
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
-    """The body that a scene is at small strains, on its mesh, after all checks; collective."""
+    """Return the body that a scene is at small strains, on its mesh, after all checks;
+    collective.
+    """
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     check_materials(scene.statement.material)
@@ -128,7 +130,10 @@ class ProblemOfScene(NonlinearContactProblem):
         effects: Sequence[StepEffect] = (),
         timings: Timings | None = None,
     ) -> None:
-        """Build the problem of a statement; ``timings``: of what was done before; collective."""
+        """Build the problem of a statement; collective.
+
+        ``timings``: of what was done before.
+        """
         space = model.space
         tagged = model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
@@ -216,8 +221,8 @@ class ProblemOfScene(NonlinearContactProblem):
         on_step: Callable[[StepResult], object] = lambda step: None,
         begin: State | None = None,
     ) -> Solution:
-        """The solution of all load steps after a state, None: of all, or of those before one that
-        has none: of the first one the body as it was before; collective.
+        """Return the solution of all load steps after a state, None: of all, or of those before one
+        that has none: of the first one the body as it was before; collective.
         """
         failures = list[Finding]()
         way = HalvedIncrements(self.path)
@@ -275,7 +280,7 @@ class ProblemOfScene(NonlinearContactProblem):
         )
 
     def _named(self, step: StepResult) -> StepResult:
-        """A load step whose rigid bodies have the names of the scene."""
+        """Return a load step whose rigid bodies have the names of the scene."""
         named = zip(step.rigid_bodies, self.statement.rigid_bodies, strict=True)
         return replace(
             step, rigid_bodies=tuple(replace(motion, body=body) for motion, body in named)
@@ -304,12 +309,14 @@ class ProblemOfScene(NonlinearContactProblem):
             )
 
     def reached(self) -> SolvedBody:
-        """The load step that has just ended."""
+        """Return the load step that has just ended."""
         assert self._solver.solved is not None
         return self._solver.solved
 
     def linearised(self, step: SolvedBody) -> tuple[Any, ...]:
-        """An earlier load step with its linearised problem, see ``linearised_at``; collective."""
+        """Return an earlier load step with its linearised problem, see ``linearised_at``;
+        collective.
+        """
         self.go_to(step.result.place)
         self._solver.solved = step
         self._solver.show_last(self.u.x.array)
@@ -412,8 +419,8 @@ def _cures(statement: Statement) -> dict[Status, str]:
 
 
 def _at_its_time(friction: Any) -> FrictionLaw:
-    """A friction law at a time, with functions of the place alone in place of expressions of the
-    time.
+    """Return a friction law at a time, with functions of the place alone in place of expressions of
+    the time.
     """
     return friction.with_values(
         lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value
@@ -421,7 +428,7 @@ def _at_its_time(friction: Any) -> FrictionLaw:
 
 
 def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[int, Any]:
-    """Shapes that forces move, by number of contact, with what drives them at a place as
+    """Return shapes that forces move, by number of contact, with what drives them at a place as
     numbers.
     """
     shapes = dict[int, Any]()
@@ -439,7 +446,7 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
 
 
 def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
-    """The supports of a body as conditions with the values of a Function, which change;
+    """Return the supports of a body as conditions with the values of a Function, which change;
     collective.
     """
     space = model.space
@@ -456,7 +463,7 @@ def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
 
 
 def _of_scene(error: FormError) -> SceneError:
-    """An error of a form with the keys of a scene."""
+    """Return an error of a form with the keys of a scene."""
     settings = SolverSettings.model_fields
     return SceneError(
         [

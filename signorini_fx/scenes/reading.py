@@ -32,8 +32,8 @@ _PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 def parse_scene(
     data: Mapping[str, Any], source: str = "scene", folder: Path | None = None
 ) -> Scene:
-    """A validated scene from nested mappings, as ``tomllib`` gives them; a ``SceneError`` has all
-    errors at once.
+    """Return a validated scene from nested mappings, as ``tomllib`` gives them; a ``SceneError``
+    has all errors at once.
 
     Args:
         data: the scene.
@@ -65,13 +65,13 @@ def parse_scene(
 
 
 def _found_from(folder: Path, table: Any) -> Any:
-    """A table whose file, if it has one, is found from a folder."""
+    """Return a table whose file, if it has one, is found from a folder."""
     file = getattr(table, "file", None)
     return table.model_copy(update={"file": folder / file}) if isinstance(file, Path) else table
 
 
 def read_scene_text(path: Path) -> str:
-    """The text of a scene file."""
+    """Return the text of a scene file."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -82,8 +82,8 @@ def read_scene_text(path: Path) -> str:
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
-    """A validated scene from the text of the TOML file at ``path``, in which ``changes`` replace
-    entries.
+    """Return a validated scene from the text of the TOML file at ``path``, in which ``changes``
+    replace entries.
 
     Paths of mesh files are relative to the folder of this file.
     """
@@ -109,7 +109,9 @@ def _syntax(text: str, message: str) -> str:
 
 
 def _unquoted(text: str, message: str) -> str:
-    """What to do if the line that is wrong has an expression without quotes; "" if it has none."""
+    """Return what to do if the line that is wrong has an expression without quotes; "" if it has
+    none.
+    """
     location = re.search(r"at line (\d+)", message)
     line = (
         text.splitlines()[int(location[1]) - 1]
@@ -156,8 +158,9 @@ def _scene_of_file(path: Path, comm: MPI.Comm | None) -> Scene:
 
 
 def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
-    """A scene from a ``Scene``, the path of its file, or nested mappings; with the contacts that
-    its mesh suggests where it asks for them, and ``comm``, the ranks, are given: then collective.
+    """Return a scene from a ``Scene``, the path of its file, or nested mappings; with the contacts
+    that its mesh suggests where it asks for them, and ``comm``, the ranks, are given: then
+    collective.
     """
     match scene:
         case Scene():
@@ -207,13 +210,13 @@ def parsed_change(text: str) -> tuple[str, Any]:
 
 
 def way_of(path: str) -> list[str | int]:
-    """The keys and numbers in lists that a path leads through."""
+    """Return the keys and numbers in lists that a path leads through."""
     return [int(number) if number else name for name, number in _PATH_PART.findall(path)]
 
 
 def changed(data: Any, changes: Changes) -> Any:
-    """A scene as plain data, or a ``Scene``, of which plain data are made on the way, with other
-    entries; tables on the way that it does not have are made.
+    """Return a scene as plain data, or a ``Scene``, of which plain data are made on the way, with
+    other entries; tables on the way that it does not have are made.
     """
     for path, value in changes.items():
         data = _with(data, way_of(path), value, "")
@@ -221,7 +224,9 @@ def changed(data: Any, changes: Changes) -> Any:
 
 
 def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
-    """The entry at a path, in which another value stands at the end of the way from there."""
+    """Return the entry at a path, in which another value stands at the end of the way from
+    there.
+    """
     if not way:
         return value
     entry = _opened(entry)
@@ -254,8 +259,8 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
 
 
 def _opened(entry: Any) -> Any:
-    """A validated table as plain data, with the keys that it has been given, and a tuple of tables
-    as a list.
+    """Return a validated table as plain data, with the keys that it has been given, and a tuple of
+    tables as a list.
     """
     if isinstance(entry, BaseModel):
         fields = type(entry).model_fields

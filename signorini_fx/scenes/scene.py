@@ -57,8 +57,8 @@ _SETTINGS = (
 
 
 def _may_be_remade(mesh: OneMesh | None) -> bool:
-    """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their
-    modules know.
+    """Return whether cells of other lengths may be made of a table ``mesh``; of most generators
+    only their modules know.
     """
     return (
         mesh.generator not in WITHOUT_ARCS
@@ -254,7 +254,7 @@ class Scene(Table):
 
 
 def _repeated(entry: Any, times: int) -> Any:
-    """An entry with its lists of one cycle for so many."""
+    """Return an entry with its lists of one cycle for so many."""
     lists = {
         key: tuple(given) * times
         for key in ("factors", "holds")

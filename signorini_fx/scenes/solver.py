@@ -180,7 +180,7 @@ def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:
 def _checkpoint(
     scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
 ) -> StoredStates | None:
-    """The checkpoint of a run; None if there is nothing to store."""
+    """Return the checkpoint of a run; None if there is nothing to store."""
     if folder is None and restart:
         raise SceneError.at("restart", "needs the folder of the checkpoint")
     without = None

@@ -155,7 +155,7 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
 def _solved(
     scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | None
 ) -> tuple[Solution, Task]:
-    """A scene on one mesh, with what the last one leaves to it; collective."""
+    """Return a scene on one mesh, with what the last one leaves to it; collective."""
     history = History()
     statement = scene.statement
     if last is None or not _same_system(scene, last[0]):
@@ -218,8 +218,9 @@ class SweepFolder(ResultFolder):
         self.rows = parallel.on_root(self._comm, self._stored)
 
     def solved(self, scene: Scene, jobs: int, begin: Callable[[], None]) -> Iterator[Row]:
-        """Solve what is left, write each result, and yield its row; ``jobs``: so many processes of
-        one rank side by side, each of which begins with ``begin``.
+        """Solve what is left, write each result, and yield its row.
+
+        ``jobs``: so many processes of one rank side by side, each of which begins with ``begin``.
         """
         done = len(self.rows)
         left = list(enumerate(self._changes))[done:]
@@ -259,7 +260,7 @@ class SweepFolder(ResultFolder):
         (self.part / _STORED).write_text(json.dumps(stored), encoding="utf-8")
 
     def _stored(self) -> list[Row]:
-        """The rows of an earlier run; on one rank."""
+        """Return the rows of an earlier run; on one rank."""
         try:
             stored = json.loads((self.path / _STORED).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -286,7 +287,7 @@ def _solved_alone(point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
 
 
 def row_of(change: Mapping[str, Any], solution: Solution) -> Row:
-    """The row of a combination of values in sweep.csv; collective.
+    """Return the row of a combination of values in sweep.csv; collective.
 
     It has these values by their paths, ``status``, ``linear_solves``, ``certificate_holds`` and
     ``FIGURES``: sizes of the contact and friction force (per thickness in 2D), between bodies the
@@ -348,7 +349,7 @@ def heading(paths: Sequence[str]) -> str:
 
 
 def line_of(paths: Sequence[str], row: Row) -> str:
-    """A row as a line of text; without contact there are no figures of it."""
+    """Return a row as a line of text; without contact there are no figures of it."""
     values = [f"{row[path]!s:>12s}" for path in paths]
     figures = [f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES]
     unsolved = "solved_until" in row and row["status"] != Status.CONVERGED.value

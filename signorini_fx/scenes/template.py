@@ -26,7 +26,7 @@ from signorini_fx.scenes.scene import Scene
 
 
 def starting_scene(*, full: bool = True) -> str:
-    """A scene file that can be solved as it is; one that is ``full`` explains every key."""
+    """Return a scene file that can be solved as it is; one that is ``full`` explains every key."""
     name = "template.toml" if full else "short.toml"
     return resources.files("signorini_fx.scenes").joinpath(name).read_text(encoding="utf-8")
 
@@ -72,7 +72,7 @@ class _ForEditors(GenerateJsonSchema):
 
 
 def scene_schema() -> dict[str, Any]:
-    """The JSON schema of scene files, with the docstrings as descriptions."""
+    """Return the JSON schema of scene files, with the docstrings as descriptions."""
     model = described()
     schema = model.model_json_schema(schema_generator=_ForEditors)
     by_name = {table.__name__: table for table in tables(model)}
@@ -102,7 +102,7 @@ def scene_schema() -> dict[str, Any]:
 
 
 def summary_schema() -> dict[str, Any]:
-    """The JSON schema of summary.json in result folders, with the quantities of others."""
+    """Return the JSON schema of summary.json in result folders, with the quantities of others."""
     schema = Summary.model_json_schema()
     schema["properties"]["scene"] |= {
         "properties": {name: {} for name in Scene.model_fields}
@@ -144,7 +144,7 @@ def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
 
 
 def _attributes(doc: str) -> dict[str, str]:
-    """The section Attributes of a Google docstring."""
+    """Return the section Attributes of a Google docstring."""
     _, _, section = doc.partition("Attributes:\n")
     entries = re.findall(r"^    (\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
     return {name: _plain(meaning) for name, meaning in entries}

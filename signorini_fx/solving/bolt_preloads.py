@@ -31,7 +31,7 @@ _MOST_PROBLEMS = 30
 def solve_tightened(
     model: Model, task: Task, start: Start, max_iterations: int | None
 ) -> tuple[Model, Start, Outcome, Finding | None]:
-    """The last contact problem of a load step in which forces tighten sections; collective.
+    """Return the last contact problem of a load step in which forces tighten sections; collective.
 
     Returns:
         The model with the shortenings, where the problem starts, how it ended, and why there is no
@@ -101,7 +101,7 @@ def solve_tightened(
 
 
 def _tightened(model: Model, step: float) -> dict[int, Preload]:
-    """The loads that are sections which forces tighten at a place, by their numbers."""
+    """Return the loads that are sections which forces tighten at a place, by their numbers."""
     return {
         k: load.entry
         for k, load in enumerate(model.applied)
@@ -126,7 +126,9 @@ def with_shortenings(model: Model, step: float, lengths: Sequence[float] | Array
 
 
 def tightened(posed: Posed, start: Start, found: Array) -> tuple[Posed, Start]:
-    """A load step with the shortenings that its forces have led to, as ``found_in`` gives them."""
+    """Return a load step with the shortenings that its forces have led to, as ``found_in`` gives
+    them.
+    """
     body = posed.body
     place = start.place
     lengths = zip(_by_force(body), found, strict=False)

@@ -91,7 +91,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
 
 
 def _moves(statement: Statement) -> bool:
-    """Whether bodies may move, so that statics has nothing to say."""
+    """Return whether bodies may move, so that statics has nothing to say."""
     return any(effect.moves_bodies for effect in stated_effects(statement))
 
 
@@ -324,8 +324,8 @@ def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
 
 
 def _largest_loads(body: Model) -> tuple[float, float]:
-    """The largest displacement that a load step prescribes, length, and the largest sum of its
-    nodal loads.
+    """Return the largest displacement that a load step prescribes, length, and the largest sum of
+    its nodal loads.
     """
     prescribed = force = 0.0
     for step in range(len(body.path.times)):
@@ -379,9 +379,10 @@ def closed_at_once(body: Model) -> Iterator[Finding]:
 
 
 def _largest_increment(body: Model, normal: Array, motions: list[float]) -> float:
-    """Return by how much a load step presses a contact at most, as a share of the largest load;
-    ``normal``: the direction on this rank, of any length; ``motions``: what prescribed
-    displacements and forces move the body by, lengths.
+    """Return by how much a load step presses a contact at most, as a share of the largest load.
+
+    ``normal``: the direction on this rank, of any length.
+    ``motions``: what prescribed displacements and forces move the body by, lengths.
     """
     pressing = [0.0]
     total_normal = parallel.global_sum(body.comm, normal)
@@ -463,8 +464,9 @@ def equilibrium(body: Model, places: Sequence[float]) -> Iterator[Finding]:
 def _equilibrium_of(
     body: Model, number: int, contact: Reactions | None, loads: list[Array]
 ) -> Finding:
-    """Whether one assembly is in equilibrium; ``loads``: the work of each load step on its free
-    motions.
+    """Return whether one assembly is in equilibrium.
+
+    ``loads``: the work of each load step on its free motions.
     """
     motions = body.motions
     free = motions.of_all[:, motions.assembly == number]
@@ -519,15 +521,17 @@ def _equilibrium_of(
 
 
 def may_jump(history: History) -> list[Finding]:
-    """A warning where a load step with friction that falls may have several solutions."""
+    """Return a warning where a load step with friction that falls may have several solutions."""
     events = [event for event in history.events if event.startswith(MAY_JUMP)]
     return [Finding("warning", "load_steps.times", event) for event in events]
 
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:
     """Return a finding for each contact with nodes that supports hold inside the foundation, from
-    the load step where one lies deepest; ``size``: of the body, length; collective. Such nodes
-    transmit nothing, see ``trial_pressure``.
+    the load step where one lies deepest; collective. Such nodes transmit nothing, see
+    ``trial_pressure``.
+
+    ``size``: of the body, length.
     """
     deepest: dict[int, tuple[float, str]] = {}
     for contact in steps:
@@ -550,8 +554,9 @@ def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Find
 
 
 def _message(rows: Array, depth: float, size: float) -> str:
-    """Return the message for the nodes of one contact; ``rows``: depths, whether contact cannot
-    open, and places, shape (n, 2 + d).
+    """Return the message for the nodes of one contact.
+
+    ``rows``: depths, whether contact cannot open, and places, shape (n, 2 + d).
     """
     # The first of those that are as deep, whatever the number of ranks.
     most = rows[rows[:, 0] >= depth - SAME_LENGTH * size]
@@ -632,8 +637,9 @@ def shapes_in_results(
 def result_findings(
     deformations: Sequence[Deformation], unjudged: Sequence[str]
 ) -> Iterator[Finding]:
-    """Findings about a result; ``unjudged``: names of bodies whose forces are round-off of those of
-    others.
+    """Findings about a result.
+
+    ``unjudged``: names of bodies whose forces are round-off of those of others.
     """
     if unjudged:
         message = (
@@ -716,7 +722,9 @@ def errors_of_steps(
 
 
 def _turned(contact: Contact, number: int, step: StepResult | None) -> Array:
-    """The rotation of a foundation at the end of a load step, radians, shape (1,) or (3,)."""
+    """Return the rotation of a foundation at the end of a load step, radians, shape (1,) or
+    (3,).
+    """
     angle = np.atleast_1d(np.radians(contact.foundation.angles()))
     motions = () if step is None else step.rigid_bodies
     driven = [one.rotation for one in motions if number in one.body.parts]
@@ -760,7 +768,7 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
 
 def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str) -> Finding | None:
     """Return which bodies move away under the loads at a place on the path, or lie loose because
-    nothing presses on them, named by ``when``; None: it is not known.
+    nothing presses on them, named by ``when``; None if it is not known.
     """
     moves = {Status.OPEN, Status.TIPS, Status.SLIDES, Status.NOT_HELD}
     if outcome.status not in moves:
@@ -807,7 +815,7 @@ def _hardly_held(body: Model, task: Task, when: str) -> Finding:
 
 
 def loose_in(body: Model, step: StepResult) -> list[int]:
-    """The assemblies that supports do not hold, and that have no tractions in a load step;
+    """Return the assemblies that supports do not hold, and that have no tractions in a load step;
     collective.
     """
     motions = body.at_contact
@@ -820,8 +828,9 @@ def loose_in(body: Model, step: StepResult) -> list[int]:
 def loose_at_rest(
     body: Model, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
 ) -> Iterator[Finding]:
-    """Load steps that leave what nothing presses on where it was; ``names``: of bodies if pieces
-    have none.
+    """Load steps that leave what nothing presses on where it was.
+
+    ``names``: of bodies if pieces have none.
     """
     loose = {step.step: numbers for step in steps if (numbers := loose_in(body, step))}
     if len(steps) == 1 or not loose:
@@ -836,7 +845,10 @@ def loose_at_rest(
 
 
 def _named(body: Model, loose: Sequence[int], names: tuple[str, ...] = ()) -> str:
-    """Name these assemblies with their free motions; ``names``: see ``loose_at_rest``."""
+    """Name these assemblies with their free motions.
+
+    ``names``: see ``loose_at_rest``.
+    """
     motions = body.motions
     if names:
         motions = replace(motions, pieces=replace(motions.pieces, bodies=names))

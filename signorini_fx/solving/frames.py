@@ -74,10 +74,11 @@ def start_of(
     posed: Posed, state: State, guess: State | None = None
 ) -> tuple[Start, PreviousStep | None]:
     """Return the start of a step after a state, and the state as the certificate of the step takes
-    it, None: it counts for nothing; ``guess``: of the same step, a solution for other values, or
-    that of a coarser mesh; collective.
+    it, None: it counts for nothing; collective.
 
     Slip is relative to foundations, and friction is that of the pressure of the state.
+
+    ``guess``: of the same step, a solution for other values, or that of a coarser mesh.
 
     Raises:
         FormError: the contact points are others.
@@ -109,7 +110,7 @@ def start_of(
 
 
 def _fits(values: ContactValues | None, boundary: ContactBoundary) -> bool:
-    """Whether values are those of contact points; collective."""
+    """Return whether values are those of contact points; collective."""
     return values is None or not parallel.any_rank(
         boundary.comm, not np.array_equal(values.nodes, boundary.nodes)
     )
@@ -169,7 +170,9 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
 
 
 def _unknowns(posed: Posed, state: State) -> PETSc.Vec:
-    """All unknowns of the body in a state, counted from the reference motion of now; collective."""
+    """Return all unknowns of the body in a state, counted from the reference motion of now;
+    collective.
+    """
     body = posed.body
     rest = posed.task.rest
     unknowns = body.unknowns(_displacement(posed, state))
@@ -197,8 +200,8 @@ def _displacement(posed: Posed, state: State) -> fem.Function:
 def state_of(
     posed: Posed, start: Start, outcome: Outcome, displacement: fem.Function, state: State
 ) -> State:
-    """The end of a step with a solution that began from a ``state``, at a displacement from the
-    initial position; all that no step changes is as it was; collective.
+    """Return the end of a step with a solution that began from a ``state``, at a displacement from
+    the initial position; all that no step changes is as it was; collective.
     """
     body = posed.body
     task = posed.task
@@ -242,7 +245,8 @@ def solution_of(
     monolithic: bool,
     augmented: bool,
 ) -> Outcome:
-    """How the contact problem of a step ended that led to a state, with the iterate in place.
+    """Return how the contact problem of a step ended that led to a state, with the iterate in
+    place.
 
     Args:
         posed: what the step was solved with.
@@ -298,7 +302,7 @@ def solution_of(
 def contact_values(
     boundary: ContactBoundary, sets: ActiveSets, pressure: Array, shear: Array, elastic: Array
 ) -> ContactValues:
-    """Sets and tractions at contact points, with vectors of space."""
+    """Return sets and tractions at contact points, with vectors of space."""
     return ContactValues(
         nodes=boundary.nodes.copy(),
         part=boundary.part.copy(),
@@ -315,7 +319,10 @@ def contact_values(
 def in_frames(
     values: ContactValues, rotation: Array, boundary: ContactBoundary
 ) -> tuple[ActiveSets, tuple[Array, Array]]:
-    """Sets and (lambda, mu) in the frames of now; ``rotation``: see ``rotations``."""
+    """Return sets and (lambda, mu) in the frames of now.
+
+    ``rotation``: see ``rotations``.
+    """
     shear, direction = (
         components(matvec(rotation, vectors), boundary.cotangents)
         for vectors in (values.shear, values.direction)
@@ -331,18 +338,18 @@ def vectors_of(components: Array, tangents: Array) -> Array:
 
 
 def components(vectors: Array, cotangents: Array) -> Array:
-    """The inverse of ``vectors_of``, with the dual basis."""
+    """Return the inverse of ``vectors_of``, with the dual basis."""
     return rmatvec(cotangents, vectors)
 
 
 def _along(boundary: ContactBoundary, moved: Array | None) -> Array | float:
-    """The components of motions along the boundary, shape (n, d - 1)."""
+    """Return the components of motions along the boundary, shape (n, d - 1)."""
     return 0.0 if moved is None else rmatvec(boundary.tangents, moved)
 
 
 def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
-    """The least rotation that takes each normal to a later one, unit vectors of shape (n, d), shape
-    (n, d, d).
+    """Return the least rotation that takes each normal to a later one, unit vectors of shape (n,
+    d), shape (n, d, d).
 
     It has no part about the normal; where the foundation has one, the shear turns with it, so that
     the motion of body and foundation as one changes nothing: ``spin`` is the rotation of the

@@ -73,7 +73,7 @@ class PathIncrements:
             setattr(self, name, position[name])
 
     def stored(self) -> dict[str, float]:
-        """What ``resume`` needs, as plain data."""
+        """Return what ``resume`` needs, as plain data."""
         return {name: getattr(self, name) for name in self.stored_names}
 
 
@@ -132,7 +132,9 @@ class Increments(PathIncrements):
         return f"there is a solution {held}, and none at time {self.path.time_at(self.next):.6g}"
 
     def _is_final(self, status: Status | None) -> bool:
-        """Whether a load step that ended with ``status`` has no solution for any increment."""
+        """Return whether a load step that ended with ``status`` has no solution for any
+        increment.
+        """
         return (
             not self._divisible
             or status in (Status.CORNER, Status.JUMPS)  # in a shorter one all the more

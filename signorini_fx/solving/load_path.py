@@ -63,7 +63,7 @@ def run(
     end = told = -inf
 
     def solve(begin: State, at: float, time: float) -> tuple[State, Ending]:
-        """The step from a state to a place, which ends at a time."""
+        """Return the step from a state to a place, which ends at a time."""
         nonlocal told
         if problem.path.several and time == end != told:
             told = end

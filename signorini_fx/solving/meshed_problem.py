@@ -132,7 +132,7 @@ class MeshedProblem(ABC):
         return self
 
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
-        """The effect of straight facets on a curved contact boundary, see
+        """Return the effect of straight facets on a curved contact boundary, see
         ``pressure_error.polygon_error``.
         """
         if not self.polygonal or (last is not None and not self.in_parts):
@@ -212,8 +212,9 @@ class Unsolved:
 
     @classmethod
     def by_outcome(cls, solution: Solution, mesh: str, *, late: str = "") -> Unsolved | None:
-        """Return why a solve has no solution; ``late``: that time has passed; None: its outcome is
-        that of the body.
+        """Return why a solve has no solution, or None if its outcome is that of the body.
+
+        ``late``: that time has passed.
         """
         if solution.status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -241,7 +242,7 @@ class Unsolved:
         raise error
 
     def leaves(self, coarser: Solution, history: History) -> Solution:
-        """The solution on the coarser mesh, with this outcome."""
+        """Return the solution on the coarser mesh, with this outcome."""
         history.add(f"{ACCURACY}{self.reason}")
         return replace(coarser, status=self.status)
 
@@ -312,8 +313,8 @@ def solve_nested(
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> State:
-    """The guess of the step after a state that the nearest nodes of a coarser mesh make for those
-    of a finer one; collective.
+    """Return the guess of the step after a state that the nearest nodes of a coarser mesh make for
+    those of a finer one; collective.
     """
     boundary = coarse.boundary
     tangents = boundary.tangents

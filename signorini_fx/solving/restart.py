@@ -43,9 +43,11 @@ _ABSENT = "(absent)"
 
 class StoredStates:
     """The load steps of a run in its result folder, now on the mesh with the number ``level``;
-    every method is collective.  ``scene``: that of the run, or plain data that tell it from others;
-    ``restart``: whether to go on from the load steps that an earlier run has left, which the
-    history says; otherwise these are removed as soon as a new one is complete.
+    every method is collective.  ``scene``: that of the run, or plain data that tell it from others.
+
+    Attributes:
+        restart: whether to go on from the load steps that an earlier run has left, which the
+            history says; otherwise these are removed as soon as a new one is complete.
 
     Raises:
         SceneError: the checkpoint is that of another scene; all keys that differ are named.
@@ -79,8 +81,8 @@ class StoredStates:
             )
 
     def figures(self, step: int) -> Figures | None:
-        """The figures of a load step, numbered from 0; None if it is not there, and then neither
-        are later ones.
+        """Return the figures of a load step, numbered from 0; None if it is not there, and then
+        neither are later ones.
         """
         figures = self._complete.get((self.level, step))
         if figures is None:
@@ -114,8 +116,8 @@ class StoredStates:
     def read(
         self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary | None = None
     ) -> State | None:
-        """The state at the end of a load step, numbered from 0; None: it cannot be read, and is
-        solved again.
+        """Return the state at the end of a load step, numbered from 0; None if it cannot be read,
+        and is solved again.
         """
         try:
             return State.read(self._folder(self.level, step) / _STATE, boundary, space)
@@ -133,8 +135,10 @@ class StoredStates:
         *,
         kept: bool,
     ) -> None:
-        """Store a step that has a solution; ``marks``: of where it has begun; ``kept``: whether it
-        ends a load step.
+        """Store a step that has a solution.
+
+        ``marks``: of where it has begun.
+        ``kept``: whether it ends a load step.
         """
         solves, problems, events = marks
         history = problem.history
@@ -203,7 +207,7 @@ class StoredStates:
         parallel.on_root(self._comm, remove)
 
     def _open(self) -> dict[tuple[int, int], Figures]:
-        """The complete load steps on disk; on one rank."""
+        """Return the complete load steps on disk; on one rank."""
         try:
             description = json.loads((self.path / _SCENE).read_text(encoding="utf-8"))
             if description["format"] != _FORMAT:
@@ -236,8 +240,8 @@ class StoredStates:
 def recalled(
     problem: StoredProblem, state: State, figures: Figures, read: Callable[..., State | None]
 ) -> tuple[State, Ending] | None:
-    """The end of a load step that follows a state, as an earlier run has stored it, with what is
-    shown of it, evaluated again; None: it cannot be read; collective.
+    """Return the end of a load step that follows a state, as an earlier run has stored it, with
+    what is shown of it, evaluated again; None if it cannot be read; collective.
     """
     place, time = (float(figures[name]) for name in ("place", "time"))
     with problem.timings.phase("restart"):
@@ -254,7 +258,7 @@ def recalled(
 
 
 def marks_of(history: History) -> Marks:
-    """Numbers of linear solves, regularised problems and events so far."""
+    """Return numbers of linear solves, regularised problems and events so far."""
     return history.linear_solves, len(history.outer), len(history.events)
 
 
@@ -269,8 +273,8 @@ def recall_history(figures: Figures, history: History, timings: Timings) -> None
 
 
 def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
-    """The scene as JSON with all defaults, its files by content, without what changes no result:
-    title, remarks.
+    """Return the scene as JSON with all defaults, its files by content, without what changes no
+    result: title, remarks.
     """
     description = json.loads(json.dumps(describe(scene, of_file=_with_content)))
     if isinstance(scene, BaseModel):
@@ -280,7 +284,7 @@ def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_content(path: Path) -> str:
-    """The name of a file with what tells the content of all files that it needs."""
+    """Return the name of a file with what tells the content of all files that it needs."""
     from signorini_fx.mechanics.mesh.files.formats import files_of
 
     try:

@@ -87,8 +87,8 @@ def stated_problem(
     coarser: MeshLevel | None = None,
     effects: Sequence[StepEffect] = (),
 ) -> StatedProblem:
-    """The problem of a statement on the mesh that ``load`` gives, with effects in time beside those
-    of its entries; collective.
+    """Return the problem of a statement on the mesh that ``load`` gives, with effects in time
+    beside those of its entries; collective.
     """
     timings = Timings()
     with timings.phase("mesh"):
@@ -115,8 +115,8 @@ def stated_problem(
 
 
 def _displacement_of_coarser(task: Task, model: Model) -> Array | None:
-    """The displacement of the coarser mesh, shape (dofs,), where solves are not exact and gain by
-    it; collective.
+    """Return the displacement of the coarser mesh, shape (dofs,), where solves are not exact and
+    gain by it; collective.
     """
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
@@ -147,8 +147,8 @@ def solve_contact(
     near: Array | None = None,
     begin: State | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """All load steps after a state, None: all, until one has no solution, the last task, and the
-    last solved outcome.
+    """Return all load steps after a state, None: all, until one has no solution, the last task, and
+    the last solved outcome.
 
     The iteration begins with a ``contact`` of other points, and with the displacement ``near``,
     shape (dofs,), if any.
@@ -192,7 +192,7 @@ def solve_contact(
 
 
 def last_solved(reports: Sequence[Report]) -> Report:
-    """How the last load step with a solution has ended, or the first one."""
+    """Return how the last load step with a solution has ended, or the first one."""
     solved = (report for report in reversed(reports) if report.result.status is Status.CONVERGED)
     return next(solved, reports[0])
 
@@ -205,10 +205,11 @@ def contact_solution(
     timings: Timings,
     find: Callable[[], Iterable[Finding]],
 ) -> Solution:
-    """What load steps have come to; ``ended``: how the last one with a solution ended, or the first
-    one, and its data;
+    """Return what load steps have come to; collective.
+
+    ``ended``: how the last one with a solution ended, or the first one, and its data.
     ``find``: gives the findings, which are looked for when the first one asks, on several ranks at
-    once; collective.
+        once.
     """
     outcome, data = ended
     shown = _shown(steps)
@@ -240,12 +241,12 @@ def contact_solution(
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:
-    """The last load step with a solution, or the last one."""
+    """Return the last load step with a solution, or the last one."""
     return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
 
 
 def _findings(mechanics: Mechanics, steps: Sequence[StepResult]) -> list[Finding]:
-    """The findings of ``check`` about the scene, and those about its result; collective."""
+    """Return the findings of ``check`` about the scene, and those about its result; collective."""
     last = steps[-1]
     findings = [*scene_findings(mechanics.model, last.place)]
     if _solved(steps):
@@ -256,8 +257,8 @@ def _findings(mechanics: Mechanics, steps: Sequence[StepResult]) -> list[Finding
 def findings_of_steps(
     mechanics: Mechanics, steps: Sequence[StepResult], further: Sequence[Finding]
 ) -> list[Finding]:
-    """What is odd about results of load steps, beside what is known; where the last one has none,
-    why; collective.
+    """Return what is odd about results of load steps, beside what is known; where the last one has
+    none, why; collective.
     """
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]
@@ -278,7 +279,7 @@ def findings_of_steps(
 
 
 def _solved(steps: Sequence[StepResult]) -> bool:
-    """Whether the last load step has a result that something can be said about."""
+    """Return whether the last load step has a result that something can be said about."""
     return steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
 
 
@@ -288,7 +289,7 @@ def contact_task(
     coarser: MeshLevel | None = None,
     choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
 ) -> Task:
-    """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a
+    """Return the contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a
     user-defined algorithm.
     """
     factors = model.factors(0)
@@ -308,7 +309,7 @@ def contact_task(
 
 
 def algorithm_name(model: Model, ended: Outcome) -> str:
-    """The algorithms that are used, in the paper's abbreviations."""
+    """Return the algorithms that are used, in the paper's abbreviations."""
     if ended.newton.linear:
         return "linear"
     settings = model.settings
@@ -324,7 +325,7 @@ def algorithm_name(model: Model, ended: Outcome) -> str:
 
 
 def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
-    """The regularisation error allowed for path-following where it follows the estimated
+    """Return the regularisation error allowed for path-following where it follows the estimated
     discretisation error.
     """
     settings = model.settings
@@ -373,7 +374,9 @@ class StatedProblem:
         return self.path.several
 
     def mechanics(self, model: Model) -> Mechanics:
-        """What the statement says of a body of a step, kept for the next one of the same body."""
+        """Return what the statement says of a body of a step, kept for the next one of the same
+        body.
+        """
         if self._mechanics is None or self._mechanics.model is not model:
             self._mechanics = StatedMechanics(model, model.statement)
         return self._mechanics
@@ -383,7 +386,7 @@ class StatedProblem:
         return self.model.boundary or no_points(self.model.space), self.model.space
 
     def initial(self) -> State:
-        """The body before the first load step, without loads; collective."""
+        """Return the body before the first load step, without loads; collective."""
         model = self.model
         begun = placements(model.statement.contacts_at(-1))
         unknowns = np.zeros(model.rigid.fixed.size)
@@ -394,7 +397,9 @@ class StatedProblem:
         return state
 
     def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """What the step to a place, of a duration, is solved with after a state; collective."""
+        """Return what the step to a place, of a duration, is solved with after a state;
+        collective.
+        """
         model = self.model
         if model.statement.preloads:
             from signorini_fx.solving.bolt_preloads import with_found
@@ -429,7 +434,7 @@ class StatedProblem:
         return Posed(stepped, self.task, first, placements(stepped.contacts), drift, spin)
 
     def _with_effects(self, body: Model, state: State, dt: float) -> Model:
-        """The body of a step: what is assembled of it is kept for two durations."""
+        """Return the body of a step: what is assembled of it is kept for two durations."""
         stepped = body
         for effect in self.effects:
             stepped = effect.body(stepped, state, dt)

@@ -100,12 +100,12 @@ class LinearProblem(Problem, Protocol):
         """
 
     def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """What the step to a place, of a duration, is solved with after a state: nothing else that
-        an earlier step has left counts.
+        """Return what the step to a place, of a duration, is solved with after a state: nothing
+        else that an earlier step has left counts.
         """
 
     def mechanics(self, model: Model) -> Mechanics:
-        """What says the forces and stresses of a body that was posed."""
+        """Return what says the forces and stresses of a body that was posed."""
 
 
 @dataclass(frozen=True)
@@ -252,8 +252,8 @@ def recalled_equilibrium(
     read: Callable[..., State | None],
     method: Mapping[str, Any],
 ) -> tuple[State, Report] | None:
-    """Return the end of a step that an earlier run has solved, evaluated again; None: it cannot be
-    read; collective.
+    """Return the end of a step that an earlier run has solved, evaluated again; None if it cannot
+    be read; collective.
 
     Args:
         problem: what was solved.
@@ -283,8 +283,10 @@ def recalled_equilibrium(
 def ended(
     problem: Problem, state: State, new: State, report: Report, *, stored: bool = False
 ) -> tuple[State, Report]:
-    """The end of a step with a solution as effects leave it, and the report with their figures;
-    ``stored``: whether the end is of an earlier run, which effects have left it so; collective.
+    """Return the end of a step with a solution as effects leave it, and the report with their
+    figures; collective.
+
+    ``stored``: whether the end is of an earlier run, which effects have left it so.
     """
     if not problem.effects:
         return new, report
@@ -323,19 +325,19 @@ def ended(
 
 
 def _last_begun(problem: Problem, state: State, new: State) -> State:
-    """The state that the step between two states was begun from in the end; collective."""
+    """Return the state that the step between two states was begun from in the end; collective."""
     for effect in problem.effects:
         state = effect.last_begun(state, new)
     return state
 
 
 def _forces_of(problem: Problem, state: State, report: Report) -> Callable[[], ActingForces]:
-    """What gives the forces on the body at the end of a step; collective."""
+    """Return what gives the forces on the body at the end of a step; collective."""
     return partial(_acting, report, _added_forces(problem.effects, report.posed, state))
 
 
 def _end_of(problem: Problem, state: State, report: Report) -> StepEnd:
-    """The end of a step with a solution as effects see it; collective."""
+    """Return the end of a step with a solution as effects see it; collective."""
     posed = report.posed
     result = report.result
     loads = posed.loads
@@ -357,8 +359,8 @@ def _end_of(problem: Problem, state: State, report: Report) -> StepEnd:
 
 
 def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
-    """What is shown of a step whose contact problem was solved for another displacement than that
-    of its end, which a state has: tractions are those of the step; collective.
+    """Return what is shown of a step whose contact problem was solved for another displacement than
+    that of its end, which a state has: tractions are those of the step; collective.
     """
     posed = report.posed
     body = posed.body
@@ -388,8 +390,8 @@ def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
 def begun(
     problem: LinearProblem, state: State, place: float, time: float, guess: State | None = None
 ) -> tuple[Posed, Start, PreviousStep | None]:
-    """A step that begins: what it is solved with, where it starts, and the state as its certificate
-    sees it.
+    """Return a step that begins: what it is solved with, where it starts, and the state as its
+    certificate sees it.
     """
     dt = time - state.time
     if any(effect.overrides("body") for effect in problem.effects):
@@ -420,8 +422,8 @@ def begun(
 
 
 def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
-    """The data where points of soft contact have the stiffness of their law for gamma_n, and what
-    gives way with the pressure is in series with either.
+    """Return the data where points of soft contact have the stiffness of their law for gamma_n, and
+    what gives way with the pressure is in series with either.
     """
     boundary = posed.body.boundary
     laws = overclosures_of(posed.body.contacts)
@@ -436,8 +438,8 @@ def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
 
 
 def _lasting(posed: Posed, dt: float) -> Posed:
-    """What a step is solved with where laws that follow the slip count it over its duration, time,
-    as good as infinite where motion begins from rest.
+    """Return what a step is solved with where laws that follow the slip count it over its duration,
+    time, as good as infinite where motion begins from rest.
 
     Raises:
         FormError: it is no duration.
@@ -463,7 +465,9 @@ def refuse_no_duration(dt: float) -> None:
 
 
 def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> Posed:
-    """What a step is solved with where effects change what holds at contact points; collective."""
+    """Return what a step is solved with where effects change what holds at contact points;
+    collective.
+    """
     body = posed.body
     first = posed.first
     data = first.data
@@ -521,7 +525,9 @@ def judged(
     state: State,
     time: float,
 ) -> tuple[State, Report]:
-    """The end of a step that began from a state, and the verdict of the certificate; collective."""
+    """Return the end of a step that began from a state, and the verdict of the certificate;
+    collective.
+    """
     body = posed.body
     task = posed.task
     path = problem.path
@@ -586,7 +592,7 @@ def judged(
 def _added_forces(
     effects: Sequence[StepEffect], posed: Posed, state: State
 ) -> list[Callable[[Array], AddedForces | None]]:
-    """What effects add to the balance at a displacement."""
+    """Return what effects add to the balance at a displacement."""
     return [
         partial(effect.forces, posed.body, posed.loads, state, posed.dt)
         for effect in effects
@@ -595,8 +601,8 @@ def _added_forces(
 
 
 def _acting(report: Report, more: Sequence[Callable[[Array], AddedForces | None]]) -> ActingForces:
-    """What acts on the body beside contact as its contact problem was solved, what effects add
-    among it; collective.
+    """Return what acts on the body beside contact as its contact problem was solved, what effects
+    add among it; collective.
     """
     y = report.result.displacement
     acting = report.mechanics.acting(y, report.start.place)
@@ -607,7 +613,7 @@ def _acting(report: Report, more: Sequence[Callable[[Array], AddedForces | None]
 
 
 def _reactions(report: Report, balance: Balance) -> Array:
-    """The forces of supports on the owned nodes, shape (owned nodes, d); collective."""
+    """Return the forces of supports on the owned nodes, shape (owned nodes, d); collective."""
     result = report.result
     conditions = report.mechanics.conditions(result.displacement)
     return reactions_of(balance, conditions, result.contact)
@@ -616,8 +622,8 @@ def _reactions(report: Report, balance: Balance) -> Array:
 def reactions_of(
     balance: Balance, conditions: ContactConditions | None, contact: ContactState | None
 ) -> Array:
-    """The forces of supports on the owned nodes, from all forces on the body without contact and
-    the tractions at its contact points, shape (owned nodes, d); collective.
+    """Return the forces of supports on the owned nodes, from all forces on the body without contact
+    and the tractions at its contact points, shape (owned nodes, d); collective.
     """
     pressing = np.zeros_like(balance.internal)
     if contact is not None and conditions is not None:

@@ -56,7 +56,9 @@ class Pairs:
 
     def after(self, whole: Ended, last: Solved, order: float, *, moves: bool) -> Pairs:
         """Return the pairs with another one, whose last step has an error of an order in time;
-        ``moves``: tractions are none of them, as those of an impact jump; collective.
+        collective.
+
+        ``moves``: tractions are none of them, as those of an impact jump.
         """
         posed = last[1].posed
         errors = _sizes(posed, last[0], whole[0]) / (2**order - 1)
@@ -77,7 +79,7 @@ class Pairs:
 
 def time_error(state: State) -> float | None:
     """Return the error of all time steps up to a state, in L2, relative to the largest displacement
-    and the largest tractions so far; None: it is not estimated.
+    and the largest tractions so far; None if it is not estimated.
     """
     pairs = Pairs.of(state)
     return pairs.shares(pairs.errors) if _FIELD in state.fields else None
@@ -99,7 +101,7 @@ def time_steps(
     longest = min((effect.next_time(state, end) for effect in effects), default=end)
 
     def to(begin: State, time: float) -> Ended:
-        """The step from a state to a time."""
+        """Return the step from a state to a time."""
         at = place
         if time < end:
             at = reached + (place - reached) * (time - state.time) / (end - state.time)

@@ -222,8 +222,8 @@ class Budget:
     def affordable(
         self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes
     ) -> tuple[float, Unsolved | None]:
-        """The jump, or a smaller one that keeps to the budget; and how the next mesh would exceed
-        it all the same.
+        """Return the jump, or a smaller one that keeps to the budget; and how the next mesh would
+        exceed it all the same.
         """
         beyond = self.exceeded(rows, meshes.whole(jump), last)
         while beyond is not None and meshes.any_jump and jump > SMALLEST_JUMP:
@@ -232,8 +232,8 @@ class Budget:
         return jump, beyond
 
     def exceeded(self, rows: list[Price], finer: float, last: LevelResult) -> Unsolved | None:
-        """How a mesh so many times finer than the last one exceeds the budget or the machine; None
-        if it does not.
+        """Return how a mesh so many times finer than the last one exceeds the budget or the
+        machine; None if it does not.
         """
         goal = self.goal
         following = predict(
@@ -309,7 +309,7 @@ class Meshes:
         )
 
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """The current mesh, the first one so fine that there is a solution."""
+        """Return the current mesh, the first one so fine that there is a solution."""
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
@@ -342,8 +342,9 @@ class Meshes:
     def jump(
         self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int
     ) -> float:
-        """How many times finer the next mesh is, for an error that is ``excess`` times too large;
-        where it is not known because of the nodes ``touching``, so many times that they are enough.
+        """Return how many times finer the next mesh is, for an error that is ``excess`` times too
+        large; where it is not known because of the nodes ``touching``, so many times that they are
+        enough.
         """
         if not self.any_jump:
             return (
@@ -356,8 +357,8 @@ class Meshes:
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
     def whole(self, jump: float) -> float:
-        """How many times finer the next mesh will be: cells of meshes made anew are divided a whole
-        number of times.
+        """Return how many times finer the next mesh will be: cells of meshes made anew are divided
+        a whole number of times.
         """
         if not (self._made and self.any_jump):
             return jump

@@ -69,7 +69,9 @@ def uniqueness_findings(model: Model) -> list[Finding]:
 
 
 def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
-    """The stiffness and the contact map for ``proved_multiple``; or why there is no proof."""
+    """Return the stiffness and the contact map for ``proved_multiple``; or why there is no
+    proof.
+    """
     law = model.law
     load_step = len(model.path.times) - 1
     assert law is not None
@@ -103,10 +105,12 @@ def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
 
 
 def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tuple[float, str]:
-    """The multiple of the friction coefficients below which a problem is proved to have one
-    solution, infinite where friction has no part in it, and why it is zero; ``stiffness``: of some
-    unknowns without the prescribed ones, the others eliminated, shape (u, u); ``operator``: B on
-    these, rows (n, T) of each point.
+    """Return the multiple of the friction coefficients below which a problem is proved to have one
+    solution, infinite where friction has no part in it, and why it is zero.
+
+    ``stiffness``: of some unknowns without the prescribed ones, the others eliminated, shape (u,
+        u).
+    ``operator``: B on these, rows (n, T) of each point.
     """
     coefficient = law.coefficient
     moves = np.linalg.norm(operator, axis=1) > NOTHING_LEFT
@@ -161,7 +165,7 @@ def _critical(stiffness: Array, normal: int, beside: Ints, sizes: Array) -> tupl
     last = values.size - 1
 
     def largest(exponents: Array) -> float:
-        """The logarithm of the largest eigenvalue; infinite: these weights prove nothing."""
+        """Return the logarithm of the largest eigenvalue; infinite: these weights prove nothing."""
         nu, d = np.exp(exponents)
         matrices = d * pressed + slid / d, nu * pressing + sliding
         try:

@@ -36,7 +36,7 @@ class AdmissibleTractions:
     weight: Array  # areas, shape (m,)
 
     def at(self, y: Array) -> tuple[Array, Array]:
-        """The admissible ones for multipliers."""
+        """Return the admissible ones for multipliers."""
         unit = self.weight[:, None]
         pressure = (self.pressure - self.normal @ y / unit).clip(min=0.0)
         return pressure, onto_disc(self.shear - self.across @ y / unit[:, :, None], self.least)
@@ -80,8 +80,8 @@ class AdmissibleTractions:
 def balanced(
     loads: Array, contacts: list[AdmissibleTractions], small: Array
 ) -> list[tuple[Array, Array]]:
-    """Pressures and shears of each contact that balance loads, given by their work on the free
-    motions, force, shape (n,), but for at most ``small`` of each.
+    """Return pressures and shears of each contact that balance loads, given by their work on the
+    free motions, force, shape (n,), but for at most ``small`` of each.
 
     Raises:
         Refused: nothing was found.
@@ -128,7 +128,7 @@ def balanced(
 
 
 def onto_disc(shear: Array, least: Array) -> Array:
-    """The closest vectors of a size of at most ``least``, shape (..., d)."""
+    """Return the closest vectors of a size of at most ``least``, shape (..., d)."""
     size = np.linalg.norm(shear, axis=-1)
     share = quotient(least, size, size > least, otherwise=1.0) * (1 - 2 * EPS)
     return shear * share[..., None]

@@ -43,15 +43,15 @@ def refused(*names: str) -> Refused:
 
 
 def _is_polynomial(value: Value, degree: int) -> bool:
-    """Whether a value of a scene is a polynomial of the position of a degree at most."""
+    """Return whether a value of a scene is a polynomial of the position of a degree at most."""
     if isinstance(value, Expression):
         return not _switches(value.tree) and _degree(value.tree) <= degree
     return isinstance(value, float)
 
 
 def _is_linear(value: Value) -> bool:
-    """Whether a value is linear between known places, maybe at nodes: zeros of linear switches,
-    which do not jump.
+    """Return whether a value is linear between known places, maybe at nodes: zeros of linear
+    switches, which do not jump.
     """
     if not isinstance(value, Expression):
         return isinstance(value, float)
@@ -76,7 +76,7 @@ def refuse_jumps(value: Value, x: Array, label: str) -> None:
 
 
 def _switches(node: ast.expr) -> list[ast.expr]:
-    """The parts of a tree whose sign decides how it goes on, inner ones first."""
+    """Return the parts of a tree whose sign decides how it goes on, inner ones first."""
     found = [
         part
         for child in ast.iter_child_nodes(node)
@@ -100,7 +100,7 @@ def _switches(node: ast.expr) -> list[ast.expr]:
 
 
 def _jumps(node: ast.expr) -> bool:
-    """Whether a number in a tree may jump: it compares others, or takes their sign."""
+    """Return whether a number in a tree may jump: it compares others, or takes their sign."""
     return any(
         isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign")
         for part in ast.walk(node)

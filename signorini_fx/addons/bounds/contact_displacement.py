@@ -26,8 +26,9 @@ _MOVABLE = 0.25
 
 
 def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> Array:
-    """The displacement at nodes, length, shape (v + e, d); ``tiny``: how far it may enter, as
-    round-off does;
+    """Return the displacement at nodes, length, shape (v + e, d).
+
+    ``tiny``: how far it may enter, as round-off does.
     ``closed``: whether it is moved to the other side under pressure.
 
     Raises:
@@ -92,8 +93,8 @@ def _separate(
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
-    """Displacements of nodes along the normals of the parts around, by depths of shape (m, k) at
-    least.
+    """Return displacements of nodes along the normals of the parts around, by depths of shape (m,
+    k) at least.
     """
     sums = np.zeros(free.shape[:2])
     deepest = np.full(len(free), -np.inf)

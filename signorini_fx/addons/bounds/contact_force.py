@@ -40,8 +40,8 @@ def force(
     direction: tuple[float, ...],
     step: float = 0.0,
 ) -> Interval | str:
-    """Bounds of the force on a body along a direction at a boundary in contact; or why there are
-    none; collective.
+    """Return bounds of the force on a body along a direction at a boundary in contact; or why there
+    are none; collective.
 
     They rest on what the bound of the error rests on, and print it.
 
@@ -88,8 +88,8 @@ def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
 
 
 def _given(problem: Bounded, boundary: str, direction: Array) -> list[Given]:
-    """Components where forces of supports and contacts act; without friction there is none along a
-    contact.
+    """Return components where forces of supports and contacts act; without friction there is none
+    along a contact.
     """
     d = problem.t.dimension
     nothing = np.zeros_like(direction)

@@ -50,7 +50,7 @@ class ContactParts:
 
     @classmethod
     def on_foundation(cls, t: Simplices, facets: Ints, normal: Array) -> ContactParts:
-        """Facets and the directions to their foundation, shapes (m,) and (m, d)."""
+        """Return facets and the directions to their foundation, shapes (m,) and (m, d)."""
         count, d = normal.shape
         return cls(
             (facets,),
@@ -108,7 +108,9 @@ class ContactParts:
     def _matching(
         cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float
     ) -> ContactParts:
-        """Facets whose vertices are at the same places, shape (v, d), but for a tiny length."""
+        """Return facets whose vertices are at the same places, shape (v, d), but for a tiny
+        length.
+        """
         d = t.dimension
         vertices = np.unique(t.facets[master])
         away, nearest = cKDTree(places[vertices]).query(places)
@@ -140,12 +142,12 @@ class ContactParts:
         return range(len(self.facets))
 
     def facet(self, side: int) -> Ints:
-        """The facet of a side that each part is on, shape (m,)."""
+        """Return the facet of a side that each part is on, shape (m,)."""
         return self.facets[side][self.row[side]]
 
     def nodes(self, t: Simplices, side: int) -> tuple[Ints, Ints]:
-        """Vertices and edges of the facets of a side, of whole ones at those of the parts, see
-        ``nodes_of_facets``.
+        """Return vertices and edges of the facets of a side, of whole ones at those of the parts,
+        see ``nodes_of_facets``.
         """
         nodes = t.nodes_of_facets[self.facet(side)]
         d = t.dimension
@@ -158,8 +160,8 @@ class ContactParts:
         return nodes[:, :d], nodes[:, d:]
 
     def on_parts(self, linear: Array, side: int = SLAVE) -> Array:
-        """Functions that are linear on the facets of a side, shape (f, d, ...), at the vertices of
-        the parts.
+        """Return functions that are linear on the facets of a side, shape (f, d, ...), at the
+        vertices of the parts.
         """
         return np.einsum("mka,ma...->mk...", self.local[side], linear[self.row[side]])
 
@@ -172,14 +174,14 @@ class ContactParts:
         return total
 
     def covered(self, side: int = SLAVE) -> Array:
-        """The area of the parts on each facet, shape (f,)."""
+        """Return the area of the parts on each facet, shape (f,)."""
         return np.asarray(
             np.bincount(self.row[side], self.area, len(self.facets[side])), dtype=np.float64
         )
 
     def restricted(self, of_facets: Array, side: int) -> Array:
-        """Coefficients of Bernstein on the parts from those on the facets of a side in the order of
-        ``facet``.
+        """Return coefficients of Bernstein on the parts from those on the facets of a side in the
+        order of ``facet``.
         """
         d = self.normal.shape[1]
         nodes = np.concatenate((np.eye(d), np.eye(d)[EDGES_OF_FACET[d]].mean(axis=1)))
@@ -190,10 +192,12 @@ class ContactParts:
         return coefficients(values)
 
     def projected(self, traction: Array, side: int, area: Array) -> tuple[Array, Array]:
-        """The linear functions on the facets of a side that are closest to a traction that is
-        linear on the parts, at their vertices, stress, shape (m, d, d), and zero elsewhere: at the
-        vertices of the facets, shape (f, d, d); and the integrals of the squares of the difference
-        as shares of those of the function, shape (f,); ``area``: of all facets.
+        """Return the linear functions on the facets of a side that are closest to a traction that
+        is linear on the parts, at their vertices, stress, shape (m, d, d), and zero elsewhere: at
+        the vertices of the facets, shape (f, d, d); and the integrals of the squares of the
+        difference as shares of those of the function, shape (f,).
+
+        ``area``: of all facets.
         """
         areas = area[self.facets[side]]
         closest, missed, squares = _closest(
@@ -248,8 +252,12 @@ def _closest(
 ) -> tuple[Array, Array, Array]:
     """Return the functions linear on their owners that are closest to functions linear on parts, at
     the vertices of the owners, and the integrals over the owners of the squares of the difference
-    and of the functions; ``values``: at the vertices of the parts; ``area``: of the parts;
-    ``local``: barycentric coordinates of their vertices in the owners; ``areas``: of the owners.
+    and of the functions.
+
+    ``values``: at the vertices of the parts.
+    ``area``: of the parts.
+    ``local``: barycentric coordinates of their vertices in the owners.
+    ``areas``: of the owners.
     """
     hats = with_hats(values, area)
     shape = (len(areas), *values.shape[1:])
@@ -262,8 +270,8 @@ def _closest(
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
-    """What segments or triangles share in pairs, (p, d, d - 1) to (m, d, d - 1), and the pair of
-    each, shape (m,).
+    """Return what segments or triangles share in pairs, (p, d, d - 1) to (m, d, d - 1), and the
+    pair of each, shape (m,).
     """
     if first.shape[1] == 2:
         lowest = np.maximum(first.min(axis=1), second.min(axis=1))
@@ -290,8 +298,8 @@ def _sizes(corners: Array) -> Array:
 
 
 def _barycentric(simplices: Array, points: Array) -> Array:
-    """Coordinates of k points in each of some segments or triangles, (m, d, d - 1), (m, k, d - 1)
-    to (m, k, d).
+    """Return coordinates of k points in each of some segments or triangles, (m, d, d - 1), (m, k, d
+    - 1) to (m, k, d).
     """
     map_ = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
     inner = np.linalg.solve(map_[:, None], (points - simplices[:, :1])[..., None])[..., 0]
@@ -311,7 +319,7 @@ WEIGHTS: dict[int, Array] = {d: weights / weights.sum() for d, (_, weights) in _
 
 
 def bernstein(local: Array) -> Array:
-    """Values of the polynomials at barycentric points, shape (q, d) to (q, 3) or (q, 6)."""
+    """Return values of the polynomials at barycentric points, shape (q, d) to (q, 3) or (q, 6)."""
     a, b = EDGES_OF_FACET[local.shape[1]].T
     return np.column_stack((local**2, 2 * local[:, a] * local[:, b]))
 

@@ -32,7 +32,8 @@ class EquilibratedStress:
 def equilibrated(
     t: Simplices, held: Array, body: Array, traction: Array, prescribed: Array
 ) -> EquilibratedStress:
-    """The stress of least complementary energy among those of this kind in equilibrium with loads.
+    """Return the stress of least complementary energy among those of this kind in equilibrium with
+    loads.
 
     Args:
         t: the cells.
@@ -66,8 +67,8 @@ def equilibrated(
 def _moments(
     t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array
 ) -> Array:
-    """Moments of each cell, out of it, equal and opposite but for loads on facets, force, shape (n,
-    d + 1, d, d).
+    """Return moments of each cell, out of it, equal and opposite but for loads on facets, force,
+    shape (n, d + 1, d, d).
     """
     d = t.dimension
     size = t.facets.size * t.dimension
@@ -88,7 +89,7 @@ def _moments(
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
-    """The matrix with as many tied unknowns as free motions, where balanced loads cause no
+    """Return the matrix with as many tied unknowns as free motions, where balanced loads cause no
     force.
     """
     diagonal = matrix.diagonal()
@@ -109,7 +110,7 @@ def _round_off(
     tractions: Array,
     missed_share: Array,
 ) -> float:
-    """A bound of the work of what is not in equilibrium, per unit of the energy norm.
+    """Return a bound of the work of what is not in equilibrium, per unit of the energy norm.
 
     The forces and couples that a cell misses are carried from one to the next to a facet with a
     support, or to a cell of a piece without one, by linear tractions: those with a resultant R and
@@ -132,8 +133,8 @@ def _round_off(
 
 
 def _carried(t: Simplices, held: Ints, missed: Array) -> tuple[Array, Array]:
-    """Bounds of the force that each cell passes on to the supports, and of its couple about its
-    centre, shapes (n,).
+    """Return bounds of the force that each cell passes on to the supports, and of its couple about
+    its centre, shapes (n,).
     """
     count = len(t.corners)
     centre = t.x[t.corners].mean(axis=1)

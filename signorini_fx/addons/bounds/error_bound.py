@@ -73,8 +73,8 @@ class Admissible:
 def error_bound(
     model: Model, y: fem.Function, contact: ContactState | None, step: float = 0.0
 ) -> ErrorBound | str:
-    """The bound for a solution, with the squares of the cells that this rank owns; or why there is
-    none; collective.
+    """Return the bound for a solution, with the squares of the cells that this rank owns; or why
+    there is none; collective.
 
     Args:
         model: the model.
@@ -97,8 +97,10 @@ def proved(
     prove: Callable[[Bounded], T],
     named: str | None = None,
 ) -> T | str:
-    """What ``prove`` says of a solution, which can be sent, on all ranks, or why there are no
-    bounds; ``named``: a boundary whose facets it looks at; collective.
+    """Return what ``prove`` says of a solution, which can be sent, on all ranks, or why there are
+    no bounds; collective.
+
+    ``named``: a boundary whose facets it looks at.
     """
     try:
         if names := list(unbounded(model)):
@@ -187,7 +189,7 @@ class Bounded(PlainProblem):
         return min(tried, key=lambda one: float((one.contact + one.moved).sum()))
 
     def _beside(self, y: Array) -> Admissible:
-        """What a displacement that does not enter adds to the bound."""
+        """Return what a displacement that does not enter adds to the bound."""
         t = self.t
         contact = np.zeros(len(self.t.corners))
         strain = self.t.strain_at_corners(y)
@@ -205,8 +207,8 @@ class Bounded(PlainProblem):
         return self.t.strain_at_corners(self.y)
 
     def between(self, strain: Array) -> Array:
-        """Squares of the distance of the stress in equilibrium from that of a strain, energies,
-        shape (n,).
+        """Return squares of the distance of the stress in equilibrium from that of a strain,
+        energies, shape (n,).
         """
         apart = np.sqrt(square(self.t, from_strain(self.t, strain) - self.stress.stress))
         return (apart + self.lifted) ** 2
@@ -259,7 +261,7 @@ class Bounded(PlainProblem):
         )
 
     def bound(self) -> ErrorBound:
-        """The bound of the error."""
+        """Return the bound of the error."""
         of_duality = self.admissible.contact + self.between(self.strain)
         of_moved = self.admissible.moved
         duality = float(np.sqrt(of_duality.sum()))
@@ -269,7 +271,9 @@ class Bounded(PlainProblem):
         return ErrorBound(total, self.size, duality, moved, self.round_off, squares, self.assumed)
 
     def _on_contact(self, surface: FacetsInContact, y: Array) -> Array:
-        """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the parts, energies, shape (m,)."""
+        """Return integrals of p (d - v_n) + g |v_t| - mu . v_t over the parts, energies, shape
+        (m,).
+        """
         d = self.t.dimension
         parts = surface.parts
         displacement = self.relative(surface, y)

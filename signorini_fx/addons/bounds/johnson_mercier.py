@@ -125,8 +125,8 @@ class LocalStress:
         return root @ self._turn[chunk]
 
     def _weighted(self, root: Array, stress: Array) -> Array:
-        """Vectors whose squares are the energy, (n, rows, k), of stresses of reference cells at
-        corners of parts.
+        """Return vectors whose squares are the energy, (n, rows, k), of stresses of reference cells
+        at corners of parts.
         """
         count = self._t.dimension + 1
         n, _, _, k = stress.shape
@@ -137,9 +137,11 @@ class LocalStress:
         )
 
     def alone(self, body: Array) -> Array:
-        """Moments in balance with a body force where the vertices of the facets do not move, force,
-        shape (n, k);
-        ``body``: its integrals times the barycentric coordinates, force, shape (n, d + 1, d).
+        """Return moments in balance with a body force where the vertices of the facets do not move,
+        force, shape (n, k).
+
+        Args:
+            body: its integrals times the barycentric coordinates, force, shape (n, d + 1, d).
         """
         # The triangle between three similar ones is turned by half a turn, which changes no sign
         # here.
@@ -147,11 +149,14 @@ class LocalStress:
         return moments.reshape(len(body), -1)
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
-        """The stress on each part, opposite its corner, at the corners of the part, those of the
-        facet, and the centroid, shape (n, d + 1, d + 1, 3 or 6), and the share of its data that it
-        misses, by cell, shape (n,);
-        ``tractions``: at the vertices of the facets of each cell, out of it, stress, shape (n, d +
-        1, d, d); ``body``: see ``alone``.
+        """Return the stress on each part, opposite its corner, at the corners of the part, those of
+        the facet, and the centroid, shape (n, d + 1, d + 1, 3 or 6), and the share of its data that
+        it misses, by cell, shape (n,).
+
+        Args:
+            tractions: at the vertices of the facets of each cell, out of it, stress, shape (n, d +
+                1, d, d).
+            body: see ``alone``.
         """
         t = self._t
         d = self._t.dimension
@@ -192,8 +197,8 @@ def _resultants(arm: Array) -> Array:
 
 
 def slopes_of_parts(d: int) -> Array:
-    """Gradients of the barycentric coordinates of each part of the reference cell: of the corners
-    of its facet, and of the centroid, shape (d + 1, d + 1, d).
+    """Return gradients of the barycentric coordinates of each part of the reference cell: of the
+    corners of its facet, and of the centroid, shape (d + 1, d + 1, d).
     """
     corners = CORNERS_OF_PARTS[d][..., 1:]  # those of the reference cell are 0 and the unit vectors
     slopes = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
@@ -227,7 +232,7 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
     _, derivatives = lagrange(d, degree, np.eye(count)[:, 1:])
 
     def row(*entries: tuple[int, int, Array]) -> Array:
-        """Products of the stresses of parts at nodes with vectors."""
+        """Return products of the stresses of parts at nodes with vectors."""
         tensors = np.zeros((d, count, len(nodes), len(ROWS[d])))
         for part, node, vector in entries:
             tensors[:, part, node] = tensor_times(vector)
@@ -281,15 +286,15 @@ def forces_of_parts(d: int) -> Array:
 
 
 def constant_forces(t: Simplices, body: Array) -> Array:
-    """The force per volume, constant on parts, with given integrals times barycentric coordinates,
-    (n, d + 1, d).
+    """Return the force per volume, constant on parts, with given integrals times barycentric
+    coordinates, (n, d + 1, d).
     """
     return np.einsum("ij,njd->nid", forces_of_parts(t.dimension), body) / t.volume[:, None, None]
 
 
 def from_strain(t: Simplices, strain: Array) -> Array:
-    """The stress on the parts of cells at their corners, see ``LocalStress.stress``, of linear
-    strains at corners.
+    """Return the stress on the parts of cells at their corners, see ``LocalStress.stress``, of
+    linear strains at corners.
     """
     corner_stress = t.moduli.stress(strain)
     centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], t.dimension + 1, axis=1)
@@ -297,7 +302,9 @@ def from_strain(t: Simplices, strain: Array) -> Array:
 
 
 def square(t: Simplices, stress: Array) -> Array:
-    """Integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape (n,)."""
+    """Return integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape
+    (n,).
+    """
     d = t.dimension
     strain = t.moduli.strain(stress) * TWICE[t.dimension]
     sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(
@@ -307,5 +314,5 @@ def square(t: Simplices, stress: Array) -> Array:
 
 
 def energy(t: Simplices, strain: Array) -> Array:
-    """Squares of energy norms of linear strains at corners, by cell, see ``square``."""
+    """Return squares of energy norms of linear strains at corners, by cell, see ``square``."""
     return square(t, from_strain(t, strain))

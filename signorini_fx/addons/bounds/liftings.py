@@ -156,9 +156,12 @@ class Liftings:
         return cls(facet, form[::kinds], constant)
 
     def norms(self, values: Array, missed: Array) -> Array:
-        """Bounds of the norms of liftings, shape (n,); ``values``: the projections of the
-        tractions, at the vertices of the parts, shape (n, p, d, d); ``missed``: integrals of the
-        squares of what they are not, shape (n,).
+        """Return bounds of the norms of liftings, shape (n,).
+
+        Args:
+            values: the projections of the tractions, at the vertices of the parts, shape (n, p, d,
+                d).
+            missed: integrals of the squares of what they are not, shape (n,).
         """
         n = len(values)
         d = values.shape[3]
@@ -235,8 +238,8 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
 
 
 def _reference_liftings(d: int) -> Array:
-    """Stresses in the reference cell that lift the forces e_i (l_j - Q l_j), where l_j is the
-    barycentric coordinate of the j-th unit vector and Q l_j the constants on the parts with its
+    """Return stresses in the reference cell that lift the forces e_i (l_j - Q l_j), where l_j is
+    the barycentric coordinate of the j-th unit vector and Q l_j the constants on the parts with its
     moments, number d i + j: at the vertices and the middles of the edges, in the order of
     ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
     """
@@ -264,8 +267,10 @@ def _products(d: int) -> Array:
 
 
 def lifted_forces(t: Simplices, linear: Array) -> Array:
-    """Bounds of the norms of what lifts the rest of forces that are linear in cells, by cell, roots
-    of energies, shape (n,); ``linear``: force per volume at their corners, shape (n, d + 1, d).
+    """Return bounds of the norms of what lifts the rest of forces that are linear in cells, by
+    cell, roots of energies, shape (n,).
+
+    ``linear``: force per volume at their corners, shape (n, d + 1, d).
     """
     d = t.dimension
     slopes = np.linalg.solve(

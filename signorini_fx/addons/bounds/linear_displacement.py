@@ -24,8 +24,8 @@ Given = tuple[Ints, Array, Array]
 
 
 def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
-    """The displacement at the vertices of least energy with given components, which leave no rigid
-    motion free, length, shape (v, d), and how far it is from what is given at most, length.
+    """Return the displacement at the vertices of least energy with given components, which leave no
+    rigid motion free, length, shape (v, d), and how far it is from what is given at most, length.
     """
     count, d = t.x.shape
     weight = np.zeros((count, d, d))
@@ -51,9 +51,11 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
 
 
 def free_basis(turn: Array, fixed: Flags) -> sp.csr_matrix:
-    """Displacements of v vertices from their free components, shape (d v, components); ``turn``:
-    directions of components, one per column, shape (v, d, d); ``fixed``: which are not free, shape
-    (v, d).
+    """Return displacements of v vertices from their free components, shape (d v, components).
+
+    Args:
+        turn: directions of components, one per column, shape (v, d, d).
+        fixed: which are not free, shape (v, d).
     """
     count, d = fixed.shape
     numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
@@ -85,8 +87,9 @@ def _stiffness(t: Simplices) -> sp.csr_matrix:
 
 
 def free_motions(t: Simplices, held: Array) -> Array:
-    """An orthonormal basis of the rigid motions of one piece each that held facets leave free,
-    shape (d v, k);
+    """Return an orthonormal basis of the rigid motions of one piece each that held facets leave
+    free, shape (d v, k).
+
     ``held``: projectors onto the directions in which facets are held, shape (f, d, d).
     """
     d = t.x.shape[1]
@@ -109,7 +112,7 @@ def free_motions(t: Simplices, held: Array) -> Array:
 
 
 def solved(symmetric: sp.csr_matrix, right: Array) -> Array:
-    """The solution by the fastest factorisation that this PETSc has, shape (n,).
+    """Return the solution by the fastest factorisation that this PETSc has, shape (n,).
 
     Raises:
         PETSc.Error: the factorisation broke down.

@@ -54,7 +54,8 @@ def on_first_rank(
     prove: Callable[[Rows], T],
     named: str | None,
 ) -> T:
-    """What ``prove`` says of the arrays of all ranks, see ``error_bound.proved``; collective.
+    """Return what ``prove`` says of the arrays of all ranks, see ``error_bound.proved``;
+    collective.
 
     Raises:
         Exception: what was raised on any rank, the same on all of them.
@@ -76,7 +77,7 @@ def on_first_rank(
 
 
 def _of_points(contact: ContactState) -> Rows:
-    """The contact points, their pressure, and their shear as a vector, stresses."""
+    """Return the contact points, their pressure, and their shear as a vector, stresses."""
     boundary = contact.boundary
     d = contact.boundary.normal.shape[1]
     return {
@@ -88,8 +89,8 @@ def _of_points(contact: ContactState) -> Rows:
 
 
 def _of_facets(model: Model, named: str | None) -> Rows:
-    """Facets of the own cells of this rank by their vertices, shape (m, d), of boundaries and sides
-    of contacts.
+    """Return facets of the own cells of this rank by their vertices, shape (m, d), of boundaries
+    and sides of contacts.
     """
     statement = model.statement
     tagged = model.tagged
@@ -128,9 +129,9 @@ def _numbers(model: Model, nodes: Ints) -> Ints:
 
 
 def _of_cells(model: Model, y: fem.Function) -> Rows:
-    """Corners and their places, the displacement there and at the middles of edges in the order of
-    ``EDGES``, the mass per volume, and Lame's parameters, or stiffness in the components ``ROWS``
-    and ``COLUMNS``.
+    """Return corners and their places, the displacement there and at the middles of edges in the
+    order of ``EDGES``, the mass per volume, and Lame's parameters, or stiffness in the components
+    ``ROWS`` and ``COLUMNS``.
     """
     tagged = model.tagged
     d = model.tagged.dimension
@@ -203,15 +204,18 @@ class FacetsInContact:
         return -pressure[:, :, None] * self.parts.normal[:, None] - shear
 
     def excess(self, displacement: Array) -> Array:
-        """Coefficients of Bernstein of what a displacement is beyond the foundation or the other
-        body, from its own, length, shape (m, c).
+        """Return coefficients of Bernstein of what a displacement is beyond the foundation or the
+        other body, from its own, length, shape (m, c).
         """
         return matvec(displacement, self.parts.normal) - self.gap
 
     def work(self, motions: Array) -> tuple[Array, Array]:
         """Return the work of unit pressures and shears at the vertices of the facets, shapes (f, d,
-        k) and (f, d, d, k); ``motions``: linear displacements at the vertices of the parts,
-        relative to the other side, length, shape (m, d, d, k).
+        k) and (f, d, d, k).
+
+        Args:
+            motions: linear displacements at the vertices of the parts, relative to the other side,
+                length, shape (m, d, d, k).
         """
         parts = self.parts
         moments = with_hats(motions, parts.area)
@@ -284,8 +288,8 @@ class PlainProblem:
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
 
     def relative(self, surface: FacetsInContact, y: Array) -> Array:
-        """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on
-        parts.
+        """Return coefficients of Bernstein of a displacement of degree 2 relative to the other
+        body, on parts.
         """
         parts = surface.parts
         nodes = self.t.nodes_of_facets
@@ -296,7 +300,7 @@ class PlainProblem:
         return of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE]
 
     def _undivided(self, name: str) -> Ints:
-        """Facets of the undivided cells that rows with a name are."""
+        """Return facets of the undivided cells that rows with a name are."""
         t = self._given
         return np.searchsorted(
             t.keys(t.facets), t.keys(np.searchsorted(self._numbers, self._rows[name]))
@@ -437,8 +441,8 @@ class PlainProblem:
         return tractions
 
     def _away(self, parts: ContactParts) -> Array:
-        """The distance of both sides along the normal at the vertices of the parts, length, shape
-        (m, d).
+        """Return the distance of both sides along the normal at the vertices of the parts, length,
+        shape (m, d).
         """
         x = [
             parts.local[side] @ self.t.x[self.t.facets[parts.facet(side)]]
@@ -447,8 +451,10 @@ class PlainProblem:
         return matvec(x[MASTER] - x[SLAVE], parts.normal)
 
     def _refuse_pair(self, covered: float, parts: ContactParts, *, acts: bool) -> None:
-        """Refuse sides that the proof does not know; ``covered``: area; ``acts``: whether the
-        contact has friction.
+        """Refuse sides that the proof does not know.
+
+        ``covered``: area.
+        ``acts``: whether the contact has friction.
         """
         if abs(float(parts.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
             raise refused("sides of two bodies that neither match nor are flat and parallel")
@@ -459,7 +465,7 @@ class PlainProblem:
 
 
 def _sampled(value: Any, x: Array) -> Array:
-    """A number or an expression at points, shapes (m, q, d) to (m, q)."""
+    """Return a number or an expression at points, shapes (m, q, d) to (m, q)."""
     return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
 
 
@@ -469,12 +475,15 @@ def _inside(x: Array) -> Array:
 
 
 def _from_inside(values: Array) -> Array:
-    """Values of linear functions at corners from those at points ``_inside``, shape (m, k, ...)."""
+    """Return values of linear functions at corners from those at points ``_inside``, shape (m, k,
+    ...).
+    """
     return 2 * values - values.mean(axis=1, keepdims=True)
 
 
 def _density(load: ForceDensity, x: Array, normal: Array, mass: Array, area: float) -> Array:
-    """Return the density of a load at vertices x of m cells or facets, seen from inside, (m, k, d);
+    """Return the density of a load at vertices x of m cells or facets, seen from inside, (m, k, d).
+
     ``area``: of the boundary.
     """
     for value in load.given.values():

@@ -126,8 +126,8 @@ class Simplices:
         return int(self.x.shape[1])
 
     def keys(self, vertices: Ints) -> Ints:
-        """A number for each edge or facet, by which they are in ascending order, from its vertices,
-        ascending.
+        """Return a number for each edge or facet, by which they are in ascending order, from its
+        vertices, ascending.
         """
         return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
 
@@ -147,8 +147,8 @@ class Simplices:
         return np.column_stack((self.facets, len(self.x) + edges))
 
     def with_middles(self, y: Array) -> Array:
-        """Values at nodes, the middles of edges after the vertices, of what is linear on the cells,
-        from vertices.
+        """Return values at nodes, the middles of edges after the vertices, of what is linear on the
+        cells, from vertices.
         """
         return np.concatenate((y, y[self.edges].mean(axis=1)))
 
@@ -232,8 +232,8 @@ class Simplices:
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
     def strain_at_corners(self, y: Array) -> Array:
-        """Strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the corners
-        of the cells, shape (n, d + 1, 3 or 6).
+        """Return strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the
+        corners of the cells, shape (n, d + 1, 3 or 6).
         """
         d = self.dimension
         g = self.gradients
@@ -272,14 +272,16 @@ def with_hats(values: Array, measure: Array) -> Array:
 
 
 def motions_of(arm: Array) -> Array:
-    """Translations and rotations at places of some arms, shape (..., d) to (..., d, 3 or 6)."""
+    """Return translations and rotations at places of some arms, shape (..., d) to (..., d, 3 or
+    6).
+    """
     d = arm.shape[-1]
     return rigid_modes(arm.reshape(-1, d), np.zeros(d), np.array(1.0)).reshape(*arm.shape, -1)
 
 
 def closest_linear(moments: Array) -> Array:
-    """The values at the corners of simplices of the linear functions with these mean values of the
-    products with the barycentric coordinates, both of shape (n, k, ...).
+    """Return the values at the corners of simplices of the linear functions with these mean values
+    of the products with the barycentric coordinates, both of shape (n, k, ...).
     """
     count = moments.shape[1]
     return count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True)
@@ -297,8 +299,8 @@ def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
 
 
 def divide(t: Simplices, y: Array) -> tuple[Simplices, Array, Ints]:
-    """Each triangle in four by the middles of its edges, see ``QUARTERS``, with a displacement of
-    degree 2 at nodes, length, shape (v + e, 2).
+    """Return each triangle in four by the middles of its edges, see ``QUARTERS``, with a
+    displacement of degree 2 at nodes, length, shape (v + e, 2).
 
     Returns:
         Four times as many triangles, the first ones at the first corners, with the v + e nodes as

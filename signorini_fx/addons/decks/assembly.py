@@ -141,8 +141,9 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
 
 
 def _motion(shift: Array, turn: Array | None = None) -> _Motion:
-    """Return a shift followed by a rotation; ``turn``: two points of its axis and an angle,
-    degrees.
+    """Return a shift followed by a rotation.
+
+    ``turn``: two points of its axis and an angle, degrees.
     """
     if turn is None:
         return lambda x: x + shift

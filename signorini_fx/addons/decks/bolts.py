@@ -39,7 +39,7 @@ def read_bolt(deck: Deck, block: DeckBlock) -> None:
 
 
 def _normal(deck: Deck, name: str) -> Array | None:
-    """Return the normal of a plane surface, shape (3,); None: the surface is not plane."""
+    """Return the normal of a plane surface, shape (3,); None if the surface is not plane."""
     raw = deck.model.raw
     dim = deck.mesh.dim
     nodes = [

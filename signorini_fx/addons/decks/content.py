@@ -163,7 +163,7 @@ class Deck:
 
     def label(self, kind: str, name: str) -> str | None:
         """Return the spelling of the name of a boundary, surface, region or set of nodes, whatever
-        its case; None: the file has no such name.
+        its case; None if the file has no such name.
         """
         of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
         names: dict[str, Any] = {
@@ -177,8 +177,8 @@ class Deck:
         return None if empty or spelt not in named else spelt
 
     def boundary(self, name: str) -> str | None:
-        """Return the name of the boundary of the mesh that a set or surface of the file is; None:
-        it is no boundary.
+        """Return the name of the boundary of the mesh that a set or surface of the file is, or None
+        if it is no boundary.
         """
         return self.label("boundary", name)
 
@@ -261,8 +261,8 @@ class Deck:
         return self.numbers[nodes[nodes < len(self.numbers)]]
 
     def single_node(self, name: str) -> int | None:
-        """Return the number of a node, or of the only one of a set, also outside of the body; None:
-        there is not exactly one.
+        """Return the number of a node, or of the only one of a set, also outside of the body; None
+        if there is not exactly one.
         """
         if (number := number_of(name)) is not None:
             return number
@@ -271,7 +271,7 @@ class Deck:
         return int(self.model.places.numbers[rows[0]]) if len(rows) == 1 else None
 
     def reference_node(self, name: str) -> int | None:
-        """Return the reference node of a bolt that a set or a node is; None: it is none."""
+        """Return the reference node of a bolt that a set or a node is, or None if it is none."""
         return node if self.bolts and (node := self.single_node(name)) in self.bolts else None
 
     @cached_property

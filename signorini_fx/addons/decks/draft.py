@@ -37,8 +37,9 @@ class Draft:
 
 
 def draft(file: Path, target: Path) -> Draft:
-    """Return the scene that an input file describes; ``target``: the place of the scene, from which
-    it refers to the file.
+    """Return the scene that an input file describes.
+
+    ``target``: the place of the scene, from which it refers to the file.
     """
     deck = read_deck(file)
     with mesh_errors(file):
@@ -90,7 +91,8 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables of supports and loads, in one table what has the same course on a boundary;
+    """Return the tables of supports and loads, in one table what has the same course on a boundary.
+
     ``releases``: whether supports may end.
     """
     merged: dict[tuple[Any, ...], dict[str, float]] = {}

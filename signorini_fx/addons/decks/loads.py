@@ -246,7 +246,7 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
 
 def _uniform(deck: Deck, where: str, rows: Ints, values: Array) -> float | None:
     """Return the traction times the thickness that nodal forces are equivalent to, stress times
-    length; None: there is none.
+    length; None if there is none.
     """
     if not np.isin(rows, deck.boundary_nodes(where)).all():
         return None

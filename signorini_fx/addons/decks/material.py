@@ -157,8 +157,9 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
 
 
 def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables of materials; each part of the body has one; ``obstacle``: see
-    ``obstacle_of``.
+    """Return the tables of materials; each part of the body has one.
+
+    ``obstacle``: see ``obstacle_of``.
     """
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     keys = ("density",) * weighs + ("expansion",) * heated
@@ -227,8 +228,8 @@ def is_nonlinear(deck: Deck, obstacle: str) -> bool:
 
 
 def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str, Any] | None:
-    """Return the keys of a nonlinear material, also of one with two constants beside rubber; None:
-    it is linear here.
+    """Return the keys of a nonlinear material, also of one with two constants beside rubber; None
+    if it is linear here.
     """
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))

@@ -557,7 +557,9 @@ def _bodies(
     free: Iterator[str],
 ) -> dict[str, list[Ints]]:
     """Return the elements of each of several bodies, which share no node, by the name of a set with
-    these elements, or a free one; ``of_node``: number of the body of each node.
+    these elements, or a free one.
+
+    ``of_node``: number of the body of each node.
     """
     solid = _solid(blocks)
     labels = plain(_distinct([of_node[table[:, 0]] for table in solid.values()]))

@@ -65,12 +65,15 @@ class DeckBlock:
         ]
 
     def word(self, key: str, otherwise: str = "") -> str:
-        """Return the value of a parameter in capitals; ``otherwise``: where it is not given."""
+        """Return the value of a parameter in capitals.
+
+        ``otherwise``: where it is not given.
+        """
         return self.parameters.get(key, otherwise).upper()
 
     def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
-        """Return all numbers of the data lines, and how many each line has, 0 if lines differ;
-        None: a word is empty, too large or no number.
+        """Return all numbers of the data lines, and how many each line has, 0 if lines differ; None
+        if a word is empty, too large or no number.
         """
         text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
         lengths = [line.count(",") + 1 for line in text.split("\n")]
@@ -263,7 +266,7 @@ def real(word: str) -> float:
 
 
 def real_or_none(word: str) -> float | None:
-    """Return a finite number as ``real`` does; None: the word is no number."""
+    """Return a finite number as ``real`` does, or None if the word is no number."""
     try:
         return real(word)
     except ValueError:
@@ -278,7 +281,7 @@ def parameter(block: DeckBlock, key: str) -> float:
 
 
 def number_of(word: str) -> int | None:
-    """Return the number of a node or element; None: the word is a name."""
+    """Return the number of a node or element, or None if the word is a name."""
     return int(word) if word.isascii() and word.isdigit() else None
 
 

@@ -112,7 +112,7 @@ def calibrate(
     found, values = _solved(scene, measured, by, None, comm)
 
     def misfit(found: list[Sensitivity]) -> Array:
-        """The differences from what was measured, by their deviations, shape (results,)."""
+        """Return the differences from what was measured, by their deviations, shape (results,)."""
         return weights * (wanted - np.array([each.value for each in found]))
 
     for _ in range(_MOST_STEPS):
@@ -152,7 +152,7 @@ def calibrate(
 
 
 def _changed(scene: Scene, by: Sequence[str], values: Array) -> Scene:
-    """The scene with other values of data."""
+    """Return the scene with other values of data."""
     new: dict[str, float] = dict(zip(by, map(float, values), strict=True))
     return parse_scene(changed(scene, new))
 
@@ -160,7 +160,9 @@ def _changed(scene: Scene, by: Sequence[str], values: Array) -> Scene:
 def _solved(
     scene: Scene, of: Mapping[str, float], by: Sequence[str], values: Array | None, comm: MPI.Comm
 ) -> tuple[list[Sensitivity], Array]:
-    """The results of a scene with their derivatives, and the values of its data; collective."""
+    """Return the results of a scene with their derivatives, and the values of its data;
+    collective.
+    """
     now = scene if values is None else _changed(scene, by, values)
     found = sensitivity(now, list(of), by, comm)
     assert isinstance(found, list)
@@ -168,8 +170,9 @@ def _solved(
 
 
 def _refuse_idle(changes: Array, by: Sequence[str]) -> None:
-    """Refuse data on which no measured result depends; ``changes``: of each result by each of
-    them, shape (results, data).
+    """Refuse data on which no measured result depends.
+
+    ``changes``: of each result by each of them, shape (results, data).
     """
     sizes = np.abs(changes).max(axis=0)
     least = ZERO_IN_SOLUTION * sizes.max()

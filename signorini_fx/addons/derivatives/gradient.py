@@ -79,8 +79,10 @@ class SolvedStep:
         law: PointFriction | None,
         turning: tuple[Array, Array, Array | None] | None = None,
     ) -> SolvedStep:
-        """A load step that has just been solved; ``turning``: of points on shapes at finite
-        displacements ``curvature``, ``LinearisedLaw.slips`` and ``spin``; collective.
+        """Return a load step that has just been solved; collective.
+
+        ``turning``: of points on shapes at finite displacements ``curvature``,
+            ``LinearisedLaw.slips`` and ``spin``.
         """
         if law is not None and law.follows_slip:
             reason = "derivatives are not possible yet where it follows the speed of slip"
@@ -154,8 +156,8 @@ class SolvedStep:
     def handed_back(
         self, adjoint: Adjoint | None, earlier: SolvedStep | None
     ) -> tuple[PETSc.Vec, Array] | None:
-        """What a quantity with this adjoint state owes to the load step before, as ``quantity``;
-        None: nothing; collective.
+        """Return what a quantity with this adjoint state owes to the load step before, as
+        ``quantity``; None: nothing; collective.
         """
         if adjoint is None or earlier is None:
             return None
@@ -185,10 +187,10 @@ def columns(
     quantities: Sequence[tuple[int, Functional]],
     data: Sequence[By],
 ) -> tuple[Array, Array, list[int]]:
-    """Derivatives of some quantities by some data, shape (quantities, data), the quantities, and
-    how many contact points of each load step stand between two sets; collective.  Each quantity has
-    the number of its load step, of which ``step_at`` gives the ``SolvedStep`` as ``solved``, and as
-    ``earlier`` that of the one before, or None.
+    """Return derivatives of some quantities by some data, shape (quantities, data), the quantities,
+    and how many contact points of each load step stand between two sets; collective.  Each quantity
+    has the number of its load step, of which ``step_at`` gives the ``SolvedStep`` as ``solved``,
+    and as ``earlier`` that of the one before, or None.
     """
     slopes = np.zeros((len(quantities), len(data)))
     values = np.zeros(len(quantities))
@@ -254,8 +256,10 @@ def explicit(
     quantities: Sequence[Functional],
     previous: tuple[SolvedStep, ChangedStep] | None = None,
 ) -> Explicit:
-    """A load step with some data at the displacement and the tractions of its solution;
-    ``previous``: the one before it with its data; collective.
+    """Return a load step with some data at the displacement and the tractions of its solution;
+    collective.
+
+    ``previous``: the one before it with its data.
     """
     state = solved.state
     y = solved.body.function(_displaced(solved, data, solved.body))
@@ -311,8 +315,8 @@ def _relative(
 
 
 def _displaced(solved: SolvedStep, data: ChangedStep, body: Model) -> PETSc.Vec:
-    """The displacement of a load step with what its data prescribe, in the unknowns of a body;
-    collective.
+    """Return the displacement of a load step with what its data prescribe, in the unknowns of a
+    body; collective.
     """
     x = solved.body.unknowns(solved.displacement)
     prescribed = solved.body.vector(data.prescribed)
@@ -324,8 +328,8 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: Model) -> PETSc.Vec:
 
 
 def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
-    """The derivatives of a load step by a datum, from those where it is larger and smaller by a
-    step.
+    """Return the derivatives of a load step by a datum, from those where it is larger and smaller
+    by a step.
     """
     direct = [
         (upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)

@@ -53,8 +53,8 @@ class OfForm(Functional):
 
 
 def _quantity_of(wanted: ufl.Form | str, u: fem.Function, body: Callable[[], Model]) -> Functional:
-    """A result, see ``ContactProblem.gradient``: a form, or words with a contact by its name or
-    number; collective.
+    """Return a result, see ``ContactProblem.gradient``: a form, or words with a contact by its name
+    or number; collective.
     """
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
@@ -79,7 +79,7 @@ def _quantity_of(wanted: ufl.Form | str, u: fem.Function, body: Callable[[], Mod
 
 
 def _checked(by: fem.Constant | Sequence[fem.Constant]) -> list[fem.Constant]:
-    """The Constants."""
+    """Return the Constants."""
     constants = [by] if isinstance(by, fem.Constant) else list(by)
     wrong = [
         k
@@ -97,9 +97,9 @@ def _checked(by: fem.Constant | Sequence[fem.Constant]) -> list[fem.Constant]:
 
 
 def extrapolated(slope: Callable[[float], float], unit: float) -> float:
-    """A derivative from central differences over several half widths, counted by ``unit``, by
-    Ridders' method: without the noise of a narrow one where the data are smooth, and the narrow one
-    elsewhere.
+    """Return a derivative from central differences over several half widths, counted by ``unit``,
+    by Ridders' method: without the noise of a narrow one where the data are smooth, and the narrow
+    one elsewhere.
     """
     narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
     best = narrow
@@ -129,10 +129,12 @@ def gradient(
     step: tuple[Any, ...],
     data: Callable[[], tuple[Any, ...]],
 ) -> Gradient:
-    """The derivatives of one result by Constants, see ``ContactProblem.gradient``; ``step``: the
-    solution, see ``SolvedStep.of``; ``data``: evaluates the problem with the values that the
-    Constants have: forms, forces, prescribed displacements, contact points, gap, law, see
-    ``ChangedStep``; collective.
+    """Return the derivatives of one result by Constants, see ``ContactProblem.gradient``;
+    collective.
+
+    ``step``: the solution, see ``SolvedStep.of``.
+    ``data``: evaluates the problem with the values that the Constants have: forms, forces,
+        prescribed displacements, contact points, gap, law, see ``ChangedStep``.
 
     Raises:
         FormError: an argument is wrong.

@@ -260,7 +260,9 @@ class _Steps:
         return self.steps[number]
 
     def by(self, path: str, change: float) -> By:
-        """The derivatives by the number at a path, from its change for a difference; collective."""
+        """Return the derivatives by the number at a path, from its change for a difference;
+        collective.
+        """
         changes = (
             varied(self.statement, path, sign * change, self.steps[0].model.dimension)
             for sign in (1.0, -1.0)
@@ -318,7 +320,10 @@ def _sensitivities(
 
 
 def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
-    """The number of the load step of a result, and the result; ``models``: of all load steps."""
+    """Return the number of the load step of a result, and the result.
+
+    ``models``: of all load steps.
+    """
     words = text.rpartition(" step ")
     if not words[1]:
         return len(models) - 1, functional_of(models[-1], text)
@@ -329,8 +334,8 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
 
 
 def _by_modulus(model: Model, statements: Sequence[Statement], change: float) -> By:
-    """The derivatives by a modulus: differences of forces would be wrong by 1e-4 where a body is
-    slender.
+    """Return the derivatives by a modulus: differences of forces would be wrong by 1e-4 where a
+    body is slender.
     """
     larger, smaller = statements
     high = lame_coefficients(larger, model.tagged)
@@ -363,7 +368,7 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
 
 
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
-    """The data of each load step of a scene in which the number at a path is another."""
+    """Return the data of each load step of a scene in which the number at a path is another."""
     of_contact = path.startswith("contact")
     changed = None if of_contact else prepare(statement, steps[0].model.tagged, Timings())
     at = [statement.contacts_at(step.place) for step in steps]
@@ -431,7 +436,9 @@ class _NonlinearSteps:
         return cls(problem, reached, solution)
 
     def by(self, path: str, change: float) -> By:
-        """The derivatives by the number at a path, from its change for a difference; collective."""
+        """Return the derivatives by the number at a path, from its change for a difference;
+        collective.
+        """
         statement = self.statement
         dimension = self.problem.model.dimension
         changed = [
@@ -455,7 +462,7 @@ class _NonlinearSteps:
         return self.problem.statement
 
     def at(self, number: int) -> _LinearisedStep:
-        """A load step as it was solved; collective."""
+        """Return a load step as it was solved; collective."""
         step = self.reached[number]
         preceding = self.reached[number - 1] if number else None
         solved = SolvedStep.of(*self.problem.linearised(step))
@@ -465,8 +472,10 @@ class _NonlinearSteps:
 
 @dataclass(frozen=True)
 class _LinearisedStep:
-    """A load step of a scene with its linearised problem; ``preceding``: how the load step before
-    it ended.
+    """A load step of a scene with its linearised problem.
+
+    Attributes:
+        preceding: how the load step before it ended.
     """
 
     problem: ProblemOfScene
@@ -483,7 +492,7 @@ class _LinearisedStep:
 
     @cached_property
     def earlier(self) -> SolvedStep | None:
-        """The load step before as far as slips of this one need it; None: there is none."""
+        """The load step before as far as slips of this one need it, or None if there is none."""
         if self.preceding is None:
             return None
         displacement = self.solved.displacement.copy()
@@ -516,19 +525,19 @@ class _ChangedScene:
         self._touching = ProblemOfScene(statement, model, History()) if touching else None
 
     def values(self, path_step: float) -> Array:
-        """The prescribed displacements at the owned dofs; collective."""
+        """Return the prescribed displacements at the owned dofs; collective."""
         model = held_at(self._problem.model if self._model is None else self._model, path_step)
         return model.loads_at(path_step).prescribed[: model.fixed.size]
 
     def before(self, step: _LinearisedStep) -> ChangedStep:
-        """The load step before with that number; collective."""
+        """Return the load step before with that number; collective."""
         assert step.preceding is not None
         assert step.earlier is not None
         values = self.values(step.preceding.result.place)
         return replace(step.usual, prescribed=values, boundary=step.earlier.state.boundary)
 
     def at(self, step: _LinearisedStep) -> ChangedStep:
-        """A load step with that number; collective."""
+        """Return a load step with that number; collective."""
         usual = step.usual
         y = step.solved.displacement.copy()
         problem = self._problem
@@ -567,7 +576,7 @@ class _ChangedScene:
 def _entry_of(
     statement: Statement, path: str, extent: float, dimension: int
 ) -> tuple[float, float]:
-    """The number at a path, 1 for a whole load, nan for an expression, and the step for a
+    """Return the number at a path, 1 for a whole load, nan for an expression, and the step for a
     difference.
     """
     if path.startswith("material") and not all(
@@ -602,8 +611,8 @@ def _entry_of(
 
 
 def varied(statement: Statement, path: str, change: float, dimension: int) -> dict[str, Any]:
-    """What ``statement.changed`` takes for a number larger by ``change``; an expression gets it as
-    another term, a load as a part of it.
+    """Return what ``statement.changed`` takes for a number larger by ``change``; an expression gets
+    it as another term, a load as a part of it.
     """
     *way, (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
@@ -627,7 +636,7 @@ def varied(statement: Statement, path: str, change: float, dimension: int) -> di
 
 
 def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str | int]]:
-    """The tables on the way to a number, each with the key that leads on, and the number."""
+    """Return the tables on the way to a number, each with the key that leads on, and the number."""
     keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
     if not keys or keys[0] not in statement.effects:
         raise SceneError.at(path, f"cannot differentiate with respect to this entry, {_EXAMPLE}")

@@ -45,7 +45,7 @@ class OtherProblem:
 
 
 def nearest_alternative(on_mesh: SolutionOnMesh, v: Array, enough: float) -> OtherProblem | None:
-    """Return the alternative whose solution is nearest to a displacement; None: there is none.
+    """Return the alternative whose solution is nearest to a displacement, or None if there is none.
 
     From the distance ``enough`` on no nearer value is sought, in the energy norm.
     """
@@ -82,7 +82,10 @@ def _values(
 
 
 def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
-    """Yield all alternatives of a scene; ``size``: the largest displacement, length."""
+    """Yield all alternatives of a scene.
+
+    ``size``: the largest displacement, length.
+    """
     loads = [
         (key, number)
         for key, entries in scene.statement.effects.items()

@@ -146,7 +146,7 @@ def judge(problem: object, result: object) -> Judgement:
 
 
 def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str] | None:
-    """Return the word for a result of another time, and why; None: it is of the same time.
+    """Return the word for a result of another time, and why; None if it is of the same time.
 
     A result that cannot be judged raises ``NotJudgedError``.
     """
@@ -186,8 +186,10 @@ class EnergyNorms:
 
 @dataclass
 class _Judging:
-    """The figures and lines that lead to a verdict; ``violated``: the words for each condition if
-    it is violated, in the order of their lines.
+    """The figures and lines that lead to a verdict.
+
+    Attributes:
+        violated: the words for each condition if it is violated, in the order of their lines.
     """
 
     problem: JudgedProblem
@@ -205,7 +207,7 @@ class _Judging:
 
     @cached_property
     def finer(self) -> SolutionOnMesh | None:
-        """Our solution on the next mesh; None: that would take long, or there is none."""
+        """Our solution on the next mesh, or None if that would take long, or there is none."""
         arrays = self.problem.arrays
         if arrays.points.size * 2**arrays.dim > JUDGED_FINEST:
             return None

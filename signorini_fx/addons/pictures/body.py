@@ -37,8 +37,8 @@ class Tiling:
         return np.arange(self.corners) * self.count
 
     def within(self, first: Array, second: Array, last: Array) -> Array:
-        """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p,
-        d).
+        """Return the points in a flat cell without curved sides, given by corners of shape (d,):
+        shape (p, d).
         """
         s, t = self.points.T[:, :, None]
         return first + s * (second - first) + t * (last - first)
@@ -46,7 +46,7 @@ class Tiling:
 
 @lru_cache
 def tiling(corners: int, count: int) -> Tiling:
-    """A triangle (3) or a quadrilateral (4) whose sides have ``count`` pieces each.
+    """Return a triangle (3) or a quadrilateral (4) whose sides have ``count`` pieces each.
 
     A quadrilateral is divided like a chessboard and each field cut at its middle: diagonals would
     make the picture of a symmetric field unsymmetric.
@@ -99,8 +99,8 @@ class DrawnBody:
     )
 
     def with_mirror_image(self) -> DrawnBody:
-        """The section of an axisymmetric body with that on the other side of the axis, which is
-        x[0] = 0.
+        """Return the section of an axisymmetric body with that on the other side of the axis, which
+        is x[0] = 0.
         """
         assert self.outline is not None
         size = float(np.ptp(self.points, axis=0).max())
@@ -130,7 +130,7 @@ class DrawnBody:
         return self.within[:, self.tiles.triangles].reshape(-1, 3)
 
     def at_corners(self, field: str) -> Array:
-        """A field at the corners of the triangles, shape (t, 3)."""
+        """Return a field at the corners of the triangles, shape (t, 3)."""
         return self.values[field][:, self.tiles.triangles].reshape(-1, 3)
 
     @property
@@ -139,14 +139,16 @@ class DrawnBody:
         return diagonal(self.points) if len(self.points) else 0.0
 
     def moved(self, factor: float) -> Array:
-        """The points with the displacement times a factor; a failed solve may have left anything
-        behind.
+        """Return the points with the displacement times a factor; a failed solve may have left
+        anything behind.
         """
         moved = self.points + factor * self.displacement
         return np.where(np.isfinite(moved), moved, self.points)
 
 
 def normals_of(corners: Array) -> Array:
-    """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
+    """Return normals of polygons by the order of their corners, as long as their areas, shape (m,
+    3).
+    """
     corners = corners - corners.mean(axis=1, keepdims=True)
     return 0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)

@@ -65,11 +65,11 @@ class ContactColumns:
     columns: Columns
 
     def floats(self, name: str) -> Array:
-        """A numeric column, shape (n,)."""
+        """Return a numeric column, shape (n,)."""
         return np.asarray(self.columns[name], dtype=np.float64)
 
     def vectors(self, begin: str) -> Array:
-        """Columns of which the names end with an axis, shape (n, d)."""
+        """Return columns of which the names end with an axis, shape (n, d)."""
         return np.column_stack(
             [self.floats(f"{begin}{axis}") for axis in "xyz" if f"{begin}{axis}" in self.columns]
         )
@@ -87,8 +87,8 @@ class ContactColumns:
         return "shear_z" in self.columns and "s" in self.columns
 
     def along(self, name: str) -> Array:
-        """A tangential vector along t = (-n_y, n_x); its part in the section where there is another
-        one.
+        """Return a tangential vector along t = (-n_y, n_x); its part in the section where there is
+        another one.
         """
         if not self.out_of_section:
             return self.floats(name)
@@ -116,8 +116,9 @@ class ContactColumns:
 
 
 def by_boundary(table: Columns, polygons: Ints) -> Iterator[tuple[ContactColumns, Ints]]:
-    """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m,
-    k).
+    """Each contact boundary in 3D with its polygons.
+
+    ``polygons``: rows of the table, shape (m, k).
     """
     names = table["boundary"]
     for name in dict.fromkeys(map(str, names)):
@@ -155,8 +156,8 @@ class PlaneBoundary(ContactColumns):
         return replace(self, columns=columns, coordinate=self.coordinate[rows], starts=starts)
 
     def near(self) -> PlaneBoundary:
-        """The nodes around those in contact, if these are on a small part of the whole; else all of
-        them.
+        """Return the nodes around those in contact, if these are on a small part of the whole; else
+        all of them.
         """
         x = self.coordinate
         inside = x[self.touching]
@@ -248,8 +249,10 @@ def draw_pressures(axes: Axes, boundaries: Sequence[PlaneBoundary]) -> None:
 
 
 def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
-    """The stresses and lengths that are drawn of a boundary; ``side``: ``contact``, pressure,
-    normal displacement and gap; ``friction``, shear, its bounds, tangential displacement.
+    """Return the stresses and lengths that are drawn of a boundary.
+
+    ``side``: ``contact``, pressure, normal displacement and gap; ``friction``, shear, its bounds,
+        tangential displacement.
     """
     moves = "relative " if boundary.against else ""
     if side == "contact":
@@ -339,8 +342,8 @@ def state_legend(figure: Figure, states: set[str]) -> None:
 
 
 def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
-    """The boundaries in 2D in the order in which they appear; a closed piece ends with its first
-    row.
+    """Return the boundaries in 2D in the order in which they appear; a closed piece ends with its
+    first row.
     """
     paths = defaultdict[str, list[Ints]](list)
     for path in table.paths:

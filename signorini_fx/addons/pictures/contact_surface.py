@@ -67,7 +67,7 @@ class VisibleSide(ContactColumns):
     view: view.View  # along the outward normal, so from within the body
 
     def flat(self, begin: str) -> Array:
-        """Vectors at the nodes, in the picture, shape (n, 2)."""
+        """Return vectors at the nodes, in the picture, shape (n, 2)."""
         return self.view.flat(self.vectors(begin))
 
     @property
@@ -84,8 +84,8 @@ class VisibleSide(ContactColumns):
 
 
 def sides_of(table: Columns, facets: Ints) -> list[VisibleSide]:
-    """The contact boundaries in their order, each as seen along the mean normal of the facets in
-    contact.
+    """Return the contact boundaries in their order, each as seen along the mean normal of the
+    facets in contact.
 
     A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is
     seen from a second side as well, if anything is in contact there.
@@ -308,8 +308,8 @@ def _triangles(polygons: Ints, nodes: Array, values: Array) -> tuple[Array, Ints
 
 
 def _around_nodes(nodes: Array, polygons: Ints) -> tuple[Array, Ints]:
-    """Each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the node of
-    each.
+    """Return each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the
+    node of each.
     """
     corners = nodes[polygons]
     ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))

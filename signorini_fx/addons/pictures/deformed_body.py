@@ -131,8 +131,8 @@ def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None
 
 
 def _lines(foundations: Sequence[Foundation], factor: float) -> list[Array]:
-    """The rigid foundations, the body on the left of each line; the whole of one where nothing is
-    magnified.
+    """Return the rigid foundations, the body on the left of each line; the whole of one where
+    nothing is magnified.
     """
     lines: list[Array] = []
     for part in foundations:
@@ -142,7 +142,9 @@ def _lines(foundations: Sequence[Foundation], factor: float) -> list[Array]:
 
 
 def _window(body: DrawnBody, factor: float, lines: Sequence[Array]) -> Window:
-    """What is seen: the body, and a foundation that runs far away not much further than that."""
+    """Return what is seen: the body, and a foundation that runs far away not much further than
+    that.
+    """
     points = np.concatenate((body.moved(factor), body.points))
     low = points.min(axis=0)
     high = points.max(axis=0)
@@ -159,7 +161,10 @@ def _window(body: DrawnBody, factor: float, lines: Sequence[Array]) -> Window:
 def _draw_body(
     axes: Axes, body: DrawnBody, name: str, tones: Tones, factor: float, *, inch: float
 ) -> None:
-    """The body in colours and its outlines; ``inch``: how many a unit of length is."""
+    """The body in colours and its outlines.
+
+    ``inch``: how many a unit of length is.
+    """
     assert body.outline is not None
     moved = body.moved(factor)
     # matplotlib interpolates red, green and blue instead of the field, which only small triangles
@@ -211,7 +216,7 @@ def _refined(corners: Array, enough: int) -> Array:
 
 
 def _areas(corners: Array) -> Array:
-    """Areas of polygons of shape (m, k, 2)."""
+    """Return areas of polygons of shape (m, k, 2)."""
     x = corners[..., 0]
     y = corners[..., 1]
     twice = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))

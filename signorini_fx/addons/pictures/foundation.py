@@ -50,12 +50,13 @@ class Foundation:
     surface: Any = None
 
     def drawn(self, factor: float) -> Array:
-        """What is opposite of the nodes with the gap times a factor, shape (k, d)."""
+        """Return what is opposite of the nodes with the gap times a factor, shape (k, d)."""
         return self.nodes + factor * self.gap[:, None] * self.normals
 
     def keeps_shape(self, factor: float, size: float) -> bool:
-        """Whether it looks like itself with the gap times a factor; ``size``: of the body,
-        length.
+        """Return whether it looks like itself with the gap times a factor.
+
+        ``size``: of the body, length.
         """
         places = self.drawn(1.0), self.drawn(factor)
         if self.facets is None:  # along the sides
@@ -99,7 +100,7 @@ def foundations_of(
     motions: Mapping[str, Callable[[Array], Array]],
     shapes: Mapping[str, DrawnSurface],
 ) -> list[Foundation]:
-    """What each contact boundary may touch, in 2D each connected part of it.
+    """Return what each contact boundary may touch, in 2D each connected part of it.
 
     Args:
         table: the contact boundary.
@@ -144,7 +145,8 @@ def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Ints | None]]:
 
 
 def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
-    """A factor that makes the displacement visible: the largest becomes about 8 % of the diagonal.
+    """Return a factor that makes the displacement visible: the largest becomes about 8 % of the
+    diagonal.
 
     It is 1, 2 or 5 times a power of ten.  Two bodies that touch seem to be apart, or to overlap, by
     at most 0.3 % of the diagonal.  It is 1 for a body that does not move but for round-off of its
@@ -169,6 +171,6 @@ def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
 
 
 def magnified(foundations: Sequence[Foundation], factor: float) -> str:
-    """What is magnified, in words."""
+    """Return what is magnified, in words."""
     gap = " and gap" if factor != 1 and any(part.rigid for part in foundations) else ""
     return f"displacement{gap} {TIMES} {number(factor)}"

@@ -37,9 +37,10 @@ MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page meg
 
 
 def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | None:
-    """The cells of a body in 2D, or the outer facets of one in 3D, of all ranks on the first one,
-    and an empty body on the others; None if it is too large to be drawn; collective; ``fields``:
-    names in ``FIELDS``.
+    """Return the cells of a body in 2D, or the outer facets of one in 3D, of all ranks on the first
+    one, and an empty body on the others; None if it is too large to be drawn; collective.
+
+    ``fields``: names in ``FIELDS``.
     """
     mesh = solution.model.tagged.mesh
     comm = solution.comm
@@ -67,7 +68,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     points = [tiles.within(*corners[way]) for way in ways]
 
     def at(values: Values) -> Array:
-        """Values at the points of each cell or facet."""
+        """Return values at the points of each cell or facet."""
         found = [values(where, cells[place == k]) for k, where in enumerate(points)]
         sampled = np.zeros((len(cells), *found[0].shape[1:]))
         for k, rows in enumerate(found):
@@ -111,8 +112,8 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
 
 
 def _joined(solution: Solution, columns: Array, cells: Indices) -> tuple[Array, Ints]:
-    """Points of all ranks with displacements, and the rows of each facet; bodies that touch share
-    none; collective.
+    """Return points of all ranks with displacements, and the rows of each facet; bodies that touch
+    share none; collective.
     """
     pieces = np.broadcast_to(
         solution.model.motions.pieces.of_cell[cells][:, None, None], (*columns.shape[:2], 1)
@@ -129,8 +130,8 @@ def _joined(solution: Solution, columns: Array, cells: Indices) -> tuple[Array, 
 
 
 def _pieces(solution: Solution, polygons: int) -> int:
-    """How many straight pieces a side of a deformed cell is drawn with: 1 if it stays straight, or
-    of very many.
+    """Return how many straight pieces a side of a deformed cell is drawn with: 1 if it stays
+    straight, or of very many.
     """
     model = solution.model
     curved = (
@@ -147,7 +148,9 @@ def _positions(mesh: dmesh.Mesh, points: Array, cells: Indices) -> Array:
 
 
 def _values_at(function: fem.Function, points: Array, cells: Indices) -> Array:
-    """A function at reference points in cells of this rank, shape (cells, points, components)."""
+    """Return a function at reference points in cells of this rank, shape (cells, points,
+    components).
+    """
     space = function.function_space
     basis = _basis(space.element.basix_element, points)
     nodal = function.x.array.reshape(-1, space.dofmap.bs)[space.dofmap.list[cells]]
@@ -161,8 +164,8 @@ def _basis(element: FiniteElement, points: Array) -> Array:
 
 
 def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values], bool]:
-    """Fields by name, and whether stresses are recovered: not of nonlinear materials, nor if not
-    finite; collective.
+    """Return fields by name, and whether stresses are recovered: not of nonlinear materials, nor if
+    not finite; collective.
     """
     known = solution.known_stress
     finite = not parallel.any_rank(
@@ -182,7 +185,7 @@ def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values
 
 
 def _field_at(name: str, function: fem.Function, points: Array, cells: Indices) -> Array:
-    """A field at reference points of cells, shape (cells, points)."""
+    """Return a field at reference points of cells, shape (cells, points)."""
     values = _values_at(function, points, cells)
     if name == "displacement":
         return np.linalg.norm(values, axis=2)

@@ -59,11 +59,11 @@ def load_steps(
     """Draw the forces of the foundation on the body step by step, and below the largest component
     of the friction force against the motion, or the torque of friction; of several boundaries the
     largest components of each.  On a boundary that closes around a body forces balance each other:
-    there the integral of the pressure and the moment of friction.
-    ``steps``: columns of ``steps.csv``; ``around``: whether the body is one of revolution, where
-    radial forces
-    cancel each other; ``between``: times and figures of all time steps, of which energies are drawn
-    where bodies move.
+    there the integral of the pressure and the moment of friction. ``steps``: columns of
+    ``steps.csv``.
+
+    ``around``: whether the body is one of revolution, where radial forces cancel each other.
+    ``between``: times and figures of all time steps, of which energies are drawn where bodies move.
     """
     solved = steps["status"] == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
@@ -118,7 +118,7 @@ def _energies(between: Sequence[tuple[float, Mapping[str, float]]]) -> list[_Cur
 
 
 def _columns(steps: Columns, kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
-    """The components of a quantity of a boundary over time."""
+    """Return the components of a quantity of a boundary over time."""
     words = {
         "friction_moment": "moment of friction",
         "pressure_integral": "integral of the pressure",
@@ -139,8 +139,8 @@ def _columns(steps: Columns, kind: str, axes: Sequence[str], end: str) -> list[_
 
 
 def _over_motion(steps: Columns, end: str, friction: Sequence[_Curve]) -> _Curve:
-    """The largest component of friction over the motion along it, in 2D along the boundary; or the
-    torque.
+    """Return the largest component of friction over the motion along it, in 2D along the boundary;
+    or the torque.
     """
     name = "mean_tangential_displacement"
     if "torque" in steps:
@@ -188,7 +188,9 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
 def profiles_by_step(table: Columns, names: Sequence[str]) -> Figure:
     """Draw what effects in time add to contact, such as wear, along the boundary that has the most
     of it, after some of the load steps, the later the darker.  ``table``: columns of
-    ``contact_steps.csv``; ``names``: those to draw.
+    ``contact_steps.csv``.
+
+    ``names``: those to draw.
     """
     steps = np.unique(table["step"])
     several = min(len(steps), _MOST_PROFILES)

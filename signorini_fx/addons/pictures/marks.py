@@ -77,7 +77,7 @@ class Largest:
 
     @classmethod
     def of(cls, body: DrawnBody, field: str) -> Largest | None:
-        """Return the value of the largest size; None: it is no number anywhere."""
+        """Return the value of the largest size, or None if it is no number anywhere."""
         values = body.values[field].ravel()
         if not np.isfinite(values).any():
             return None
@@ -107,8 +107,9 @@ def mark_largest(axes: Axes, point: Array, text: str, *, behind: bool = False) -
 
 def usual_range(values: Array, area: Array, *, signed: bool = False) -> tuple[float, float]:
     """Lowest and highest value of a scale that contains zero; where these are far off, as at a
-    singular corner, what is beyond 99 % of the area at either end has the last colour; ``signed``:
-    whether the scale may begin below zero.
+    singular corner, what is beyond 99 % of the area at either end has the last colour.
+
+    ``signed``: whether the scale may begin below zero.
     """
     finite = np.isfinite(values)
     values = values[finite]
@@ -146,7 +147,9 @@ class Tones:
         return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
 
     def bar(self, figure: Figure, axes: Axes | Sequence[Axes]) -> Colorbar:
-        """The colour bar below the axes, with arrows where there is more than the scale shows."""
+        """Return the colour bar below the axes, with arrows where there is more than the scale
+        shows.
+        """
         margin = 1e-3 * (self.high - self.low)
         values = self.values[np.isfinite(self.values)]
         below = self.field.signed and float(values.min(initial=self.low)) < self.low - margin
@@ -170,8 +173,8 @@ class Tones:
 
 
 def spaced(points: Array, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:
-    """Rows of points of shape (m, 2) in their order, without those that are closer than this to an
-    earlier one.
+    """Return rows of points of shape (m, 2) in their order, without those that are closer than this
+    to an earlier one.
 
     In order along a line the distances of those that are left are alike, but for the distances of
     the points.

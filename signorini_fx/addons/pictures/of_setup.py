@@ -31,8 +31,8 @@ _SUFFIXES = (".png", ".pdf", ".svg")
 
 
 def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:
-    """A body with all that acts on its boundaries, on the first rank; on the others without facets;
-    collective.
+    """Return a body with all that acts on its boundaries, on the first rank; on the others without
+    facets; collective.
     """
     mesh = tagged.mesh
     dim = tagged.dimension
@@ -80,8 +80,8 @@ def _elsewhere(statement: Statement, dim: int) -> Iterator[tuple[str, Array | No
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
-    """Boundaries to show: of the same facets that which the scene uses, else the longest name;
-    collective.
+    """Return boundaries to show: of the same facets that which the scene uses, else the longest
+    name; collective.
     """
     used = [name for name, effects in acting.items() if effects]
     facets = {name: tagged.facets(name) for name in acting}
@@ -138,7 +138,7 @@ def _draw(gather: Callable[[], Setup], comm: MPI.Comm, file: Path) -> None:
 
 
 def _corners(tagged: TaggedMesh, dim: int, entities: Indices) -> Array:
-    """Corners of sides or cells along their perimeters, shape (n, k, d)."""
+    """Return corners of sides or cells along their perimeters, shape (n, k, d)."""
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
     mesh = tagged.mesh
     cell = mesh.topology.cell_name()
@@ -155,7 +155,7 @@ def _corners(tagged: TaggedMesh, dim: int, entities: Indices) -> Array:
 
 
 def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> NamedBoundary:
-    """A boundary with what acts on it, on the first rank; collective."""
+    """Return a boundary with what acts on it, on the first rank; collective."""
     corners, areas = _sides(tagged, tagged.facets(name))
     sizes = np.linalg.norm(areas, axis=1)
     middles = corners.mean(axis=1)
@@ -208,8 +208,8 @@ def _density(load: ForceDensity, on: SampledPoints) -> Array:
 
 
 def _sides(tagged: TaggedMesh, facets: Indices) -> tuple[Array, Array]:
-    """Corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals as long
-    as their areas.
+    """Return corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals
+    as long as their areas.
     """
     mesh = tagged.mesh
     dim = tagged.dimension

@@ -185,8 +185,10 @@ def _show(
     times: float | None,
     share: float = 1.0,
 ) -> None:
-    """Put the body of a grid into a scene in place of that of another one; ``steps``: the grids of
-    all load steps, whose colours and magnification are the same; ``share``: of the displacement.
+    """Put the body of a grid into a scene in place of that of another one.
+
+    ``steps``: the grids of all load steps, whose colours and magnification are the same.
+    ``share``: of the displacement.
     """
     if field and field not in grid.point_data:
         raise ValueError(f"no field {field!r}: there are {', '.join(grid.point_data.keys())}")

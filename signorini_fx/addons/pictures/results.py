@@ -52,7 +52,7 @@ def gather_pictures(
 
 
 def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
-    """The fields that are drawn; says which are not."""
+    """Return the fields that are drawn; says which are not."""
     stress = solution.known_stress
     usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
@@ -70,8 +70,8 @@ def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 
 
 def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
-    """The points and facets of the contact surface in 3D, counterclockwise as seen from outside,
-    with their pressure; None: it is open.
+    """Return the points and facets of the contact surface in 3D, counterclockwise as seen from
+    outside, with their pressure; None if it is open.
     """
     if contact is None or contact.touching == 0:
         return None
@@ -111,7 +111,9 @@ class ResultPictures:
         steps: Columns | None,
         profiles: Columns | None = None,
     ) -> None:
-        """All of them.  ``steps``: columns of steps.csv; ``profiles``: of contact_steps.csv.
+        """All of them.  ``steps``: columns of steps.csv.
+
+        ``profiles``: of contact_steps.csv.
 
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.

@@ -29,7 +29,7 @@ Triangles = tuple[Array, Ints]
 
 
 def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Array]:
-    """The lines of a shape in 2D near the body, each of shape (k, 2), the body on its left;
+    """Return the lines of a shape in 2D near the body, each of shape (k, 2), the body on its left;
     collective.
     """
     from contourpy import contour_generator  # matplotlib's
@@ -47,8 +47,8 @@ def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Array]:
 
 
 def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
-    """The surface of a shape in 3D near the body on the first rank, counterclockwise as seen from
-    there; collective.
+    """Return the surface of a shape in 3D near the body on the first rank, counterclockwise as seen
+    from there; collective.
     """
     axes = _axes(distance, tagged, FOUNDATION_GRID_IN_SPACE)
     if tagged.mesh.comm.rank != 0:

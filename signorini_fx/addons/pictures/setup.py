@@ -218,7 +218,7 @@ class Setup:
         return figure, np.asarray, None
 
     def _space(self) -> tuple[Figure, Callable[[Array], Array], Array]:
-        """The colours of the boundaries are those of their facets."""
+        """Return the colours of the boundaries are those of their facets."""
         from signorini_fx.addons.pictures.solid import Solid, figure_of, seen_parts
 
         above = COLOURS_ABOVE * diagonal(self.polygons.reshape(-1, 3))
@@ -345,7 +345,7 @@ class Setup:
         arrows.set_in_layout(False)  # matplotlib takes their lengths for decorations of the axes
 
     def _largest(self, vectors: str) -> float:
-        """The length of the largest of all vectors."""
+        """Return the length of the largest of all vectors."""
         sizes = [
             np.linalg.norm(getattr(boundary, vectors), axis=1).max(initial=0.0)
             for boundary in self.boundaries
@@ -390,5 +390,5 @@ class Setup:
 
 
 def _spaced_rows(points: Array, spacing: float) -> npt.NDArray[np.intp]:
-    """Rows of points of shape (m, 2) so far apart, from one end of them to the other."""
+    """Return rows of points of shape (m, 2) so far apart, from one end of them to the other."""
     return spaced(points, np.lexsort(np.round(points.T / spacing, 6)), spacing)

@@ -145,8 +145,8 @@ def deformed_solid(
 
 
 def ground_of(foundation: Foundation, factor: float) -> tuple[Array, Ints]:
-    """Points and polygons of a foundation, counterclockwise as seen from the body; of a plane a
-    rectangle around it.
+    """Return points and polygons of a foundation, counterclockwise as seen from the body; of a
+    plane a rectangle around it.
     """
     points = foundation.drawn(factor)
     facets = foundation.facets
@@ -163,8 +163,8 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Array, Ints]:
 
 
 def _plane_of(points: Array) -> Array | None:
-    """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape
-    (4, 3).
+    """Return corners of a rectangle around points that lie in a plane, in order along its
+    perimeter, shape (4, 3).
     """
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 3:
@@ -201,14 +201,14 @@ def telling_view(body: DrawnBody, name: str) -> View:
 
 
 def _edges(body: DrawnBody) -> Ints:
-    """Pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
+    """Return pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
     pairs = sides_of(body.perimeters).reshape(-1, 2)
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
-    """Points that a picture shows; of a foundation that runs far away only the part next to the
-    body.
+    """Return points that a picture shows; of a foundation that runs far away only the part next to
+    the body.
     """
     body = np.concatenate((solid.points, at_rest, *ends))
     low = body.min(axis=0)
@@ -222,7 +222,9 @@ def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
 def figure_of(
     solids: Sequence[Solid], cameras: Sequence[Camera], *, inch: float
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a picture of each body by its camera, beside each other in axes without ticks;
+    """Return a figure with a picture of each body by its camera, beside each other in axes without
+    ticks.
+
     ``inch``: how many a unit of length is.
     """
     halves = np.array([camera.half for camera in cameras])
@@ -280,8 +282,9 @@ def ready_pyvista(*, draws: bool = True) -> Any:
 def image(
     solid: Solid, camera: Camera, width: int, *, plain: bool = False
 ) -> npt.NDArray[np.uint8]:
-    """A picture with this many pixels across on a white ground, shape (h, w, 3); ``plain``: the
-    colours alone, without light and lines.
+    """Return a picture with this many pixels across on a white ground, shape (h, w, 3).
+
+    ``plain``: the colours alone, without light and lines.
 
     Raises:
         PictureError: see ``ready_pyvista``.
@@ -366,8 +369,8 @@ def _surface(points: Array, polygons: Ints) -> PolyData:
 
 
 def can_draw() -> bool:
-    """Whether VTK needs no display or has one: where there is none Xvfb is started, which ends with
-    this process.
+    """Return whether VTK needs no display or has one: where there is none Xvfb is started, which
+    ends with this process.
     """
     import pyvista
 

@@ -82,25 +82,25 @@ STYLE: dict[str, Any] = {
 
 
 def plain(text: str) -> str:
-    """A user's text for a picture, in which dollar signs do not begin mathematics, without control
-    characters.
+    """Return a user's text for a picture, in which dollar signs do not begin mathematics, without
+    control characters.
     """
     return printable(text).replace("$", r"\$")
 
 
 def largest_of(*curves: Array) -> float:
-    """The largest finite entry by size, 0 if there is none."""
+    """Return the largest finite entry by size, 0 if there is none."""
     values = np.abs(np.concatenate(curves))
     return float(values[np.isfinite(values)].max(initial=0.0))
 
 
 def decimal_power(largest: float) -> int:
-    """The k for which figures up to ``largest``, times 10^k, need no exponent at an axis."""
+    """Return the k for which figures up to ``largest``, times 10^k, need no exponent at an axis."""
     return 0 if largest == 0 or 1e-3 <= largest < 1e4 else -math.floor(math.log10(largest))
 
 
 def readable(ideal: float) -> float:
-    """The factor next to a positive ideal one that is 1, 2 or 5 times a power of ten."""
+    """Return the factor next to a positive ideal one that is 1, 2 or 5 times a power of ten."""
     decade = math.floor(math.log10(ideal))
     steps = [m * 10.0**k for k in (decade, decade + 1) for m in (1, 2, 5)]
     return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
@@ -116,7 +116,7 @@ def visible_factor(points: Array, displacement: Array) -> float:
 
 
 def unit_of(power: int, quantity: str = "") -> str:
-    """The suffix of a label whose figures were multiplied by 10^power: each of them counts
+    """Return the suffix of a label whose figures were multiplied by 10^power: each of them counts
     10^-power.
 
     A factor behind the name, as in "force x 10^4", could be taken for either direction.
@@ -131,7 +131,7 @@ def unit_of(power: int, quantity: str = "") -> str:
 
 
 def number(value: float) -> str:
-    """A factor in digits if they are few, else m x 10^k."""
+    """Return a factor in digits if they are few, else m x 10^k."""
     if value == 0 or 0.01 <= abs(value) < 1e5:
         return f"{value:.6g}".replace("-", MINUS)
     digits, power = f"{value:.5e}".split("e")
@@ -174,7 +174,9 @@ def finish(
     figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN
 ) -> None:
     """Title the figure and write it; without dates, so that the same data give the same files.
-    ``path_stem``: where to write, without suffix; ``suffixes``: of the files to write.
+    ``path_stem``: where to write, without suffix.
+
+    ``suffixes``: of the files to write.
     """
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)

@@ -27,7 +27,7 @@ class View:
     toward: Array
 
     def flat(self, points: Array) -> Array:
-        """Points of shape (..., 3) in the picture, shape (..., 2)."""
+        """Return points of shape (..., 3) in the picture, shape (..., 2)."""
         return np.stack((points @ self.right, points @ self.up), axis=-1)
 
     @classmethod
@@ -56,12 +56,12 @@ class Camera:
         return cls(view, 0.5 * (low + high) @ axes, half + _MARGIN * (float(half.max()) or 1.0))
 
     def flat(self, points: Array) -> Array:
-        """Points of shape (..., 3) in the picture, shape (..., 2)."""
+        """Return points of shape (..., 3) in the picture, shape (..., 2)."""
         return self.view.flat(points - self.centre)
 
 
 def along(direction: Array) -> View:
-    """The view along a direction, shape (3,): upright as far as possible.
+    """Return the view along a direction, shape (3,): upright as far as possible.
 
     A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if one looks up or
     down.
@@ -81,8 +81,8 @@ def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:
 
 
 def coordinate(direction: Array) -> tuple[str, bool]:
-    """The name of the coordinate to write at an axis of a picture, and whether it decreases in the
-    given direction: against a coordinate axis the coordinate itself is written.
+    """Return the name of the coordinate to write at an axis of a picture, and whether it decreases
+    in the given direction: against a coordinate axis the coordinate itself is written.
     """
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - 1e-12:
@@ -91,7 +91,7 @@ def coordinate(direction: Array) -> tuple[str, bool]:
 
 
 def combination(direction: Array) -> str:
-    """A unit vector as a combination of coordinates."""
+    """Return a unit vector as a combination of coordinates."""
     text = ""
     for axis, share in enumerate(direction):
         if abs(share) < 0.005:
@@ -103,7 +103,7 @@ def combination(direction: Array) -> str:
 
 
 def outline(points: Array, polygons: Ints) -> Ints:
-    """Edges that belong to one polygon only, shape (e, 2), of polygons of shape (m, k)."""
+    """Return edges that belong to one polygon only, shape (e, 2), of polygons of shape (m, k)."""
     a = polygons.ravel()
     b = np.roll(polygons, -1, axis=1).ravel()
     key = np.minimum(a, b) * len(points) + np.maximum(a, b)

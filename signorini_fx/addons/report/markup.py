@@ -49,12 +49,12 @@ def _templates() -> Environment:
 
 
 def rendered(name: str, /, **values: Any) -> Markup:
-    """A template with its values."""
+    """Return a template with its values."""
     return Markup(_templates().get_template(f"{name}.html").render(values).strip())
 
 
 def part(name: str, *values: Any) -> Markup:
-    """A macro of ``parts.html`` with its arguments."""
+    """Return a macro of ``parts.html`` with its arguments."""
     return Markup(getattr(_templates().get_template("parts.html").module, name)(*values))
 
 
@@ -64,7 +64,7 @@ def joined(parts: Iterable[Markup]) -> Markup:
 
 
 def shown(value: Any) -> str:
-    """A value of a table."""
+    """Return a value of a table."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, bool | np.bool_):
@@ -103,7 +103,7 @@ def in_text(text: str) -> str:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a number, or missing among numbers."""
+    """Return whether a value is a number, or missing among numbers."""
     return value is None or (
         isinstance(value, int | float | np.number) and not isinstance(value, bool)
     )
@@ -112,8 +112,8 @@ def is_number(value: Any) -> bool:
 def table(
     columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()
 ) -> Markup:
-    """A table that scrolls sideways if it is wider than the page; columns of numbers are flush
-    right.
+    """Return a table that scrolls sideways if it is wider than the page; columns of numbers are
+    flush right.
     """
     numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
     head = [(name, "number" if right else "") for name, right in zip(columns, numeric, strict=True)]
@@ -128,13 +128,13 @@ def table(
 
 
 def folded(title: str, *parts: str) -> Markup:
-    """What is shown on demand only, and not printed."""
+    """Return what is shown on demand only, and not printed."""
     return part("folded", title, parts)
 
 
 def picture(data: bytes, alternative: str, caption: str) -> Markup:
-    """A PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it can be
-    read.
+    """Return a PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it
+    can be read.
     """
     width, height = struct.unpack(">II", data[16:24])
     source = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"

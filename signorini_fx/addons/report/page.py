@@ -35,7 +35,9 @@ _MADE_BY = '<meta name="generator" content="signorini_fx'
 
 
 def page(folder: Path, only: Sequence[str] = ()) -> str:
-    """The report of a result folder; ``only``: the chapters that it has; (): all of them.
+    """Return the report of a result folder.
+
+    ``only``: the chapters that it has; (): all of them.
 
     Raises:
         ResultError: it is not a result folder, or it is incomplete.
@@ -106,7 +108,7 @@ def _page(summary: Summary, folder: Path, only: Sequence[str]) -> str:
 
 
 def _rendered(title: str, status: str, name: str, day: str, chapters: dict[str, Markup]) -> str:
-    """A page with its head and its chapters."""
+    """Return a page with its head and its chapters."""
     style = resources.files("signorini_fx.addons.report").joinpath("report.css")
     head = {"version": __version__, "title": title, "status": status, "name": name, "day": day}
     css = Markup(style.read_text(encoding="utf-8"))

@@ -89,7 +89,7 @@ def outcome(summary: Summary, folder: Path) -> Markup:
 
 
 def done(summary: Summary) -> str:
-    """What was done with the scene, in a word."""
+    """Return what was done with the scene, in a word."""
     return "solved" if was_solved(summary) else "tried"
 
 
@@ -108,7 +108,7 @@ def no_result(summary: Summary) -> str:
 
 
 def figures(summary: Summary) -> Markup:
-    """The results that ``--verbose`` prints beside those of the outcome."""
+    """Return the results that ``--verbose`` prints beside those of the outcome."""
     lines = [
         line for shown in all_shown() if not shown.brief for line in shown_lines(shown, summary)
     ]
@@ -117,7 +117,7 @@ def figures(summary: Summary) -> Markup:
 
 
 def _note(summary: Summary) -> str:
-    """What the forces are, and the units."""
+    """Return what the forces are, and the units."""
     who, body = _sides(summary)
     forms = "forms" in summary["scene"]  # their measure says what is integrated
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
@@ -133,7 +133,7 @@ def _note(summary: Summary) -> str:
 
 
 def _sides(summary: Summary) -> tuple[str, str]:
-    """What exerts the forces of contacts, and on what."""
+    """Return what exerts the forces of contacts, and on what."""
     kinds = {bool(entry.get("against")) for entry in summary["scene"].get("contact", ())}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
     return who.get(
@@ -161,13 +161,13 @@ _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foun
 
 
 def _drawn(folder: Path, file: str, alternative: str, caption: str) -> Markup:
-    """A picture that solve drew; nothing if it drew none."""
+    """Return a picture that solve drew; nothing if it drew none."""
     drawn = folder / file
     return picture(drawn.read_bytes(), alternative, caption) if drawn.is_file() else Markup("")
 
 
 def _overview(summary: Summary, folder: Path) -> Markup:
-    """The picture of the deformed body, or why there is none."""
+    """Return the picture of the deformed body, or why there is none."""
     scene = summary["scene"]
     solid = summary["dimension"] == 3
     iterate = no_result(summary)
@@ -187,7 +187,7 @@ def _overview(summary: Summary, folder: Path) -> Markup:
 
 
 def further_pictures(folder: Path) -> Markup:
-    """The pictures of other fields that were asked for."""
+    """Return the pictures of other fields that were asked for."""
     further = list[Markup]()
     for name, field in FIELDS.items():
         caption = f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}."
@@ -196,7 +196,9 @@ def further_pictures(folder: Path) -> Markup:
 
 
 def contact(summary: Summary, folder: Path) -> Markup:
-    """The picture of the contact boundary: curves in 2D, the surface in 3D, and its signs."""
+    """Return the picture of the contact boundary: curves in 2D, the surface in 3D, and its
+    signs.
+    """
     if summary["dimension"] == 3:
         caption = (
             "Contact pressure, shear and slip as arrows, seen along the outward normal, through "
@@ -285,7 +287,7 @@ _ELSEWHERE = {"title", "incomplete", "units", "solver", "accuracy"}
 
 
 def scene(summary: Summary) -> Markup:
-    """The tables of the scene, the method, and the scene as JSON."""
+    """Return the tables of the scene, the method, and the scene as JSON."""
     scene = summary["scene"]
     rows = list[tuple[str, str]]()
     for key, section in scene.items():
@@ -351,12 +353,12 @@ def convergence_table(rows: list[dict[str, Any]]) -> Markup:
 
 
 def _two_digits(value: float | None) -> float | str | None:
-    """An estimate with the digits that it has."""
+    """Return an estimate with the digits that it has."""
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
 def history(summary: Summary) -> Markup:
-    """How many linear solves it took, and what happened on demand."""
+    """Return how many linear solves it took, and what happened on demand."""
     effort = (
         f"{summary['algorithm']}: {effort_in_words(summary)}; history.csv has a row for each solve."
     )

@@ -43,7 +43,9 @@ _NUMBERS = {"Float64": np.float64, "Int64": np.int64, "UInt8": np.uint8}
 
 
 def turning_body(summary: Summary, folder: Path) -> Markup:
-    """The body that turns; nothing where there are no fields, or the surface is too large."""
+    """Return the body that turns; nothing where there are no fields, or the surface is too
+    large.
+    """
     files = _files(folder)
     if not files:
         return Markup("")
@@ -82,13 +84,15 @@ def turning_body(summary: Summary, folder: Path) -> Markup:
 
 
 def _turning(body: Mapping[str, Any]) -> Markup:
-    """The figure of a body that the script draws."""
+    """Return the figure of a body that the script draws."""
     script = resources.files(__package__).joinpath("turning_body.js").read_text(encoding="utf-8")
     return rendered("turning_body", data=Markup(json.dumps(body)), script=Markup(script))
 
 
 def turning_mesh(mesh: MeshArrays) -> Markup:
-    """The surface of a mesh in 3D that turns, whose boundaries are named under the pointer."""
+    """Return the surface of a mesh in 3D that turns, whose boundaries are named under the
+    pointer.
+    """
     outer = len(mesh.facets) - mesh.inner
     face = np.zeros(outer, dtype=np.int64)
     for number, rows in enumerate(mesh.boundaries.values(), start=1):
@@ -118,7 +122,7 @@ def turning_mesh(mesh: MeshArrays) -> Markup:
 
 
 def _drawn(sides: Ints) -> dict[str, str]:
-    """The triangles and the edges of facets, shape (f, c)."""
+    """Return the triangles and the edges of facets, shape (f, c)."""
     triangles = np.concatenate([sides[:, [0, k, k + 1]] for k in range(1, sides.shape[1] - 1)])
     edges = np.concatenate([sides[:, [k, (k + 1) % sides.shape[1]]] for k in range(sides.shape[1])])
     once = np.unique(np.sort(edges, axis=1), axis=0)
@@ -126,7 +130,7 @@ def _drawn(sides: Ints) -> dict[str, str]:
 
 
 def _files(folder: Path) -> list[tuple[int, str, Path]]:
-    """The numbers and names of the load steps of a result, and their files of fields."""
+    """Return the numbers and names of the load steps of a result, and their files of fields."""
     if (folder / "fields.vtu").is_file():
         return [(0, "", folder / "fields.vtu")]
     if not (folder / "fields.pvd").is_file():
@@ -137,7 +141,7 @@ def _files(folder: Path) -> list[tuple[int, str, Path]]:
 
 
 def _grid_of(path: Path) -> dict[str, Array]:
-    """The arrays of a file of ``results.fields.write_vtu``, by their names."""
+    """Return the arrays of a file of ``results.fields.write_vtu``, by their names."""
     found = {}
     pattern = rb'<DataArray type="(\w+)" Name="([^"]+)"(?: NumberOfComponents="(\d+)")? [^>]*>'
     text = path.read_bytes()
@@ -150,8 +154,8 @@ def _grid_of(path: Path) -> dict[str, Array]:
 
 
 def _vertices(points: Array, cells: Ints) -> tuple[Ints, Ints, Ints]:
-    """A point of the file for each corner of the mesh, which has one of its own in each cell; all
-    points at corners with the numbers of these; and the corners of each cell.
+    """Return a point of the file for each corner of the mesh, which has one of its own in each
+    cell; all points at corners with the numbers of these; and the corners of each cell.
     """
     at = cells.ravel()
     size = float(np.ptp(points, axis=0).max()) or 1.0
@@ -162,7 +166,7 @@ def _vertices(points: Array, cells: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _sides(vertices: Ints, facets: tuple[tuple[int, ...], ...], *, plane: bool) -> Ints:
-    """The facets that belong to one cell alone; in a plane all cells."""
+    """Return the facets that belong to one cell alone; in a plane all cells."""
     every = np.concatenate([vertices[:, list(facet)] for facet in facets])
     if plane:
         return every
@@ -208,7 +212,7 @@ def _fields_of(
 
 
 def _at_contact(points: Array, contact: Mapping[str, Array], values: Array) -> Array:
-    """Sizes of values of a table of contact at points, shape (n,); elsewhere none."""
+    """Return sizes of values of a table of contact at points, shape (n,); elsewhere none."""
     places = np.column_stack([contact[axis] for axis in "xyz"])
     unit = (float(np.ptp(points, axis=0).max()) or 1.0) * SAME_LENGTH
     distance, nearest = cKDTree(places).query(points)
@@ -216,7 +220,7 @@ def _at_contact(points: Array, contact: Mapping[str, Array], values: Array) -> A
 
 
 def _contact_tables(folder: Path) -> dict[int, dict[str, Array]]:
-    """The tables of contact by the numbers of load steps; 0: there is one step."""
+    """Return the tables of contact by the numbers of load steps; 0: there is one step."""
     if (folder / "contact_steps.csv").is_file():
         every = read_csv(folder / "contact_steps.csv")
         numbers = every["step"].astype(int)

@@ -142,8 +142,8 @@ class Augmentation:
         return float(quotient(total, size, otherwise=total).max())
 
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
-        """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is
-        slow, increased.
+        """Return the next problem: the multipliers as shifts; gamma times ``factor`` or, if
+        convergence is slow, increased.
         """
         pressure, shear = self.newton.shifts(data)
         enough = GAMMA_GROWTH * float(self._stiffness.max())
@@ -173,9 +173,11 @@ def augmented_lagrangian(
     gamma_factor: float = 1.0,
 ) -> Status:
     """Iterate lambda_hat <- lambda, mu_hat <- mu until both have settled, each problem from the
-    variables of the previous one (section 7.1); ``inner_iterations``: linear solves allowed for one
-    problem (inexact ALM), None: until its sets repeat; ``gamma_factor``: growth of both gammas from
-    one problem to the next.
+    variables of the previous one (section 7.1).
+
+    ``inner_iterations``: linear solves allowed for one problem (inexact ALM), None: until its sets
+        repeat.
+    ``gamma_factor``: growth of both gammas from one problem to the next.
     """
     newton = augmentation.newton
     for step in range(max_outer):
@@ -204,6 +206,6 @@ def augmented_lagrangian(
 
 
 def _change(augmentation: Augmentation, data: RegularisedData, *, first: bool) -> float | None:
-    """How much lambda and mu differ from the previous ones, relative to their own norms."""
+    """Return how much lambda and mu differ from the previous ones, relative to their own norms."""
     change = augmentation.measure(data)
     return None if first else change

@@ -36,8 +36,8 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     everywhere = task.motions.points.everywhere
 
     def possible(stick: Flags) -> bool:
-        """Whether contact can hold the body and balance its load if these nodes stick, and no other
-        ones rub.
+        """Return whether contact can hold the body and balance its load if these nodes stick, and
+        no other ones rub.
         """
         held = motions.held_by(everywhere, stick)
         law = as_given(np.where(stick, np.inf, 0.0))
@@ -57,8 +57,8 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
 
 
 def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:
-    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem
-    proves nothing else.
+    """Return an outcome of Coulomb friction: that a body moves away with the bound of one Tresca
+    problem proves nothing else.
 
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an
     equilibrium, as it always does where the pressure is statically indeterminate, the fixed-point
@@ -127,9 +127,9 @@ def coulomb_newton(
 
 
 def _slipping(newton: SemismoothNewton) -> ActiveSets:
-    """The sets of a cycle, in which the points that change begin in slip: where friction is large
-    a point that closes enters the foundation if it is open, is pulled if it sticks, and slips in
-    the solution.
+    """Return the sets of a cycle, in which the points that change begin in slip: where friction is
+    large a point that closes enters the foundation if it is open, is pulled if it sticks, and slips
+    in the solution.
     """
     problem = newton.problem
     sets, following = problem.sets, problem.next.sets
@@ -143,9 +143,10 @@ def _slipping(newton: SemismoothNewton) -> ActiveSets:
 
 
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
-    """The last fall-back for Coulomb friction, which leaves no regularisation error, nor the
+    """Return the last fall-back for Coulomb friction, which leaves no regularisation error, nor the
     elastic slip of earlier load steps; it begins with the multipliers of the load step before, or
-    with the start of Coulomb friction;
+    with the start of Coulomb friction.
+
     ``begun``: the outcome with the problem of the method that has failed.
     """
     newton = task.newton
@@ -173,12 +174,14 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
 
 
 def augmentation_on(task: Task, newton: SemismoothNewton) -> Augmentation:
-    """The update of augmented Lagrangian methods on the problems of an inner method of the task."""
+    """Return the update of augmented Lagrangian methods on the problems of an inner method of the
+    task.
+    """
     from signorini_fx.algebra.algorithms.alm import Augmentation
 
     return Augmentation(newton, automatic_gamma(task), task.settings.tolerance)
 
 
 def automatic_gamma(task: Task) -> float:
-    """The gamma of a scene that gives none."""
+    """Return the gamma of a scene that gives none."""
     return AUTOMATIC_GAMMA * task.natural_gamma

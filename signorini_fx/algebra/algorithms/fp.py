@@ -89,7 +89,7 @@ def fixed_point(
 def _change(
     newton: SemismoothNewton, data: RegularisedData, g: Array, augmentation: Augmentation | None
 ) -> float:
-    """The largest d_g of a group of points; with shifts the larger change of the two."""
+    """Return the largest d_g of a group of points; with shifts the larger change of the two."""
     change = float(_changes(newton, g).max())
     return change if augmentation is None else max(change, augmentation.measure(data))
 

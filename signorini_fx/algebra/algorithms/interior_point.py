@@ -63,8 +63,8 @@ Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
 
 
 def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
-    """The sets of the derivative of (3.3b) and (3.4) at the iterate itself: the primal form, for a
-    given bound only.
+    """Return the sets of the derivative of (3.3b) and (3.4) at the iterate itself: the primal form,
+    for a given bound only.
     """
     u_n, u_t = newton.problem.system.contact.traces(newton.x)
     return next_sets(u_n, u_t, 0.0 * u_t, trial_shear(u_t, data), data)
@@ -74,9 +74,9 @@ def interior_point(
     newton: Newton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
 ) -> Status:
     """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose
-    tangent is symmetric;
-    ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate;
-    collective.
+    tangent is symmetric; collective.
+
+    ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate.
     """
     start = newton.checkpoint()
     before = newton.history.linear_solves
@@ -106,8 +106,8 @@ def interior_point(
 
 
 def proposed_sets(newton: Newton) -> ActiveSets | None:
-    """The sets that a few steps from a soft foundation find after a full step of a problem with a
-    given friction bound, which hold the body; None if a linear solve fails; the iterate of
+    """Return the sets that a few steps from a soft foundation find after a full step of a problem
+    with a given friction bound, which hold the body; None if a linear solve fails; the iterate of
     ``newton`` stays; collective.
     """
     problem = newton.problem
@@ -138,7 +138,7 @@ class _Inside:
     rate: Array
 
     def moved(self, step: _Inside, share: float) -> _Inside:
-        """The point after a share of a step."""
+        """Return the point after a share of a step."""
         return _Inside(
             *(
                 old + share * new
@@ -148,8 +148,10 @@ class _Inside:
 
 
 class _Programme:
-    """The interior-point method for one problem, at the iterate of ``newton``; ``exact``: whether
-    linear solves are.
+    """The interior-point method for one problem, at the iterate of ``newton``.
+
+    Attributes:
+        exact: whether linear solves are.
     """
 
     def __init__(self, newton: Newton, data: RegularisedData, *, exact: bool) -> None:
@@ -171,7 +173,7 @@ class _Programme:
         self._steps = 0
 
     def _number(self, where: Flags) -> float:
-        """How many points of all ranks; collective."""
+        """Return how many points of all ranks; collective."""
         return parallel.total(self._comm, where)
 
     def solve(self) -> Status:
@@ -201,7 +203,7 @@ class _Programme:
         return Status.MAX_ITERATIONS
 
     def sets(self) -> ActiveSets | None:
-        """Reduce the products until the sets settle; None: a solve fails."""
+        """Reduce the products until the sets settle, or None if a solve fails."""
         newton = self._newton
         at = self._on_a_soft_foundation()
         first = 0.0 if at is None else self._product(at)
@@ -224,7 +226,7 @@ class _Programme:
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
     def _indicated(self, begin: _Inside, end: _Inside) -> tuple[Flags, Flags]:
-        """The points in contact and those that slip, by the quotients of two iterates."""
+        """Return the points in contact and those that slip, by the quotients of two iterates."""
         one = self._one_sided
         rubs = self._rubs
         presses = quotient(end.pressure, begin.pressure, one, otherwise=1.0)
@@ -279,15 +281,15 @@ class _Programme:
         return np.maximum((bound - size) * (bound + size) / 2, np.finfo(np.float64).eps * bound**2)
 
     def _product(self, at: _Inside) -> float:
-        """The sum of the products; collective."""
+        """Return the sum of the products; collective."""
         products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(
             at.shear
         )
         return parallel.total(self._comm, products)
 
     def _advanced(self, at: _Inside) -> tuple[_Inside, float] | None:
-        """The point after a predictor and a corrector, and the share of it; None if a solve fails;
-        collective.
+        """Return the point after a predictor and a corrector, and the share of it; None if a solve
+        fails; collective.
         """
         x = self._newton.x
         room = self._room(at.shear)
@@ -315,8 +317,8 @@ class _Programme:
     def _direction(
         self, at: _Inside, normal_target: Array, disc_target: Array, blocks: Array
     ) -> _Inside | None:
-        """The whole step to two products, to its end the iterate goes; None if the solve fails;
-        collective.
+        """Return the whole step to two products, to its end the iterate goes; None if the solve
+        fails; collective.
         """
         data = self._data
         one = self._one_sided
@@ -366,7 +368,7 @@ class _Programme:
         return blocks
 
     def _way(self, at: _Inside, step: _Inside) -> float:
-        """The share of a step at which the first bound is reached; collective."""
+        """Return the share of a step at which the first bound is reached; collective."""
         a = inner(step.shear, step.shear)
         b = inner(at.shear, step.shear)
         c = 2 * self._room(at.shear)

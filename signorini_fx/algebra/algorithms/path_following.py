@@ -36,11 +36,14 @@ from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, NOTABLE
 
 @dataclass(frozen=True)
 class PathModel:
-    """The local model of the path gamma -> y(gamma) at gamma_1 = gamma; ``reach``: E + gamma > 0
-    with the pole E;
-    ``distance``: energy norm of y_inf - y(gamma); ``pressure_distance``: norm of lambda_inf -
-    lambda(gamma) in L2(Gamma_c); ``left_slip``: energy norm of the slip that y_inf still has at
-    stick nodes, which the law excludes.
+    """The local model of the path gamma -> y(gamma) at gamma_1 = gamma.
+
+    Attributes:
+        reach: E + gamma > 0 with the pole E.
+        distance: energy norm of y_inf - y(gamma).
+        pressure_distance: norm of lambda_inf - lambda(gamma) in L2(Gamma_c).
+        left_slip: energy norm of the slip that y_inf still has at stick nodes, which the law
+            excludes.
     """
 
     reach: float
@@ -103,7 +106,9 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
 
 
 def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
-    """The unknowns under another force, with the matrix of the last linear solve; collective."""
+    """Return the unknowns under another force, with the matrix of the last linear solve;
+    collective.
+    """
     ksp = newton.snes.getKSP()
     x = newton.x.duplicate()
     # A Krylov method ends by the size of the forces of the problem; this right-hand side has

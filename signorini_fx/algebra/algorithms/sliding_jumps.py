@@ -26,8 +26,9 @@ from signorini_fx.tuned import NO_FORCE, SLOW_STEPS, SLOWEST_STEPS, WRONG_SLOPE
 
 
 def unless_sliding_jumps(newton: SemismoothNewton, outcome: Outcome, law: PointFriction) -> Outcome:
-    """Return the outcome of a load step, or that its sliding jumps; ``newton``: a method with a
-    symmetric tangent on the same problem; collective.
+    """Return the outcome of a load step, or that its sliding jumps; collective.
+
+    ``newton``: a method with a symmetric tangent on the same problem.
     """
     converged = outcome.status is Status.CONVERGED
     if outcome.status not in (Status.CONVERGED, Status.CYCLING, Status.MAX_ITERATIONS):

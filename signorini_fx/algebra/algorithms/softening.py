@@ -98,7 +98,7 @@ class Descent:
 
     @staticmethod
     def _stagnates(left: list[float]) -> bool:
-        """Whether residuals are so small that round-off alone is left."""
+        """Return whether residuals are so small that round-off alone is left."""
         last = left[-_PATIENCE:]
         small = max(last) <= CERTIFICATE_TOLERANCE
         return small and len(left) > _PATIENCE and last[-1] > WHOLE_SLOPE * last[0]
@@ -131,7 +131,7 @@ class Descent:
         problem.insert(self._jacobian, contact + blocks + coupling)
 
     def _definite(self, blocks: Array) -> bool:
-        """Whether the matrix with such blocks is definite."""
+        """Return whether the matrix with such blocks is definite."""
         problem = self._newton.problem
         matrix = self._symmetric
         problem.tangent.insert(matrix, blocks)

@@ -163,10 +163,11 @@ class SemismoothNewton:
         max_iterations: int | None = None,
         measure: Callable[[], float | None] = lambda: None,
     ) -> Status:
-        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``;
-        ``first_sets``: of the first linear solve, None: from the previous iterate and its sets;
-        ``first_iteration``: its number, 0 if it only computes the start (section 7); ``measure``:
-        gives the figure of the stopping criterion of the outer algorithm.
+        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``.
+
+        ``first_sets``: of the first linear solve, None: from the previous iterate and its sets.
+        ``first_iteration``: its number, 0 if it only computes the start (section 7).
+        ``measure``: gives the figure of the stopping criterion of the outer algorithm.
         """
         solves_before = self.history.linear_solves
         status = self.attempt(
@@ -213,7 +214,7 @@ class SemismoothNewton:
         first_iteration: int = 1,
         max_iterations: int | None = None,
     ) -> Status:
-        """The iteration itself, without fall-backs and without an outer record."""
+        """Return the iteration itself, without fall-backs and without an outer record."""
         # Bonds hold what contact need not, and their sets follow from the iterate.
         self.problem.set_data(data, None if data.bond is not None else first_sets)
         self._first_iteration = first_iteration
@@ -247,8 +248,8 @@ class SemismoothNewton:
         return Status.CYCLING if self._returns and status is Status.SINGULAR else status
 
     def outcome_of(self, error: Exception) -> Status:
-        """How a solve ends where a factorisation package raises an error, as some do where others
-        set a reason.
+        """Return how a solve ends where a factorisation package raises an error, as some do where
+        others set a reason.
 
         Raises:
             Exception: the error, on several ranks: not all of them may have it.
@@ -296,8 +297,8 @@ class SemismoothNewton:
         return status
 
     def _improved(self, status: Status) -> bool:
-        """Whether sets, linear solves or the iterate may be why it failed, and the next are better;
-        collective.
+        """Return whether sets, linear solves or the iterate may be why it failed, and the next are
+        better; collective.
         """
         if self._slow:
             self._propose()
@@ -343,7 +344,7 @@ class SemismoothNewton:
         self.history.add(f"sets: damped change of the active sets ({asked} extra solves)")
 
     def _factorise(self) -> bool:
-        """Whether a direct solver takes the place of a Krylov method; collective."""
+        """Return whether a direct solver takes the place of a Krylov method; collective."""
         if self._factor is not None:
             return False
         ksp = PETSc.KSP().create(self.problem.points.comm)
@@ -361,7 +362,7 @@ class SemismoothNewton:
         return self._status or self._reason()
 
     def checkpoint(self) -> Checkpoint:
-        """The iterate with its sets and its problem, for ``restore``."""
+        """Return the iterate with its sets and its problem, for ``restore``."""
         return self.x.copy(), self.problem.sets, self.problem.data
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -410,8 +411,8 @@ class SemismoothNewton:
         return pressure, shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
-        """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem
-        are its start.
+        """Return the first sets for ``data`` when the variables (y, lambda, xi, mu) of the last
+        problem are its start.
         """
         problem = self.problem
         u_n, u_t = problem.system.contact.traces(self.x)
@@ -492,7 +493,9 @@ class SemismoothNewton:
         return int(_SNES.CONVERGED_ITERATING)
 
     def _is_slow(self, k: int) -> bool:
-        """Whether so few sets change after linear solve k that full steps would take many more."""
+        """Return whether so few sets change after linear solve k that full steps would take many
+        more.
+        """
         changes = [changed for changed, _ in self._changes[-6:]]
         if k < SLOW_STEPS or min(changes[-3:]) == 0:
             return False
@@ -502,7 +505,7 @@ class SemismoothNewton:
         return (enough and 0 < abs(lost) * SLOWEST_STEPS <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
-        """Whether sets that repeat are those of a solution."""
+        """Return whether sets that repeat are those of a solution."""
         # The residual is that of the next sets.  Where directions change, that with the present
         # ones counts.
         tolerance = self.snes.getTolerances()[0]
@@ -543,8 +546,9 @@ class SemismoothNewton:
         *,
         factorised: bool,
     ) -> None:
-        """Record a linear solve; ``counts``: nodes in contact, slipping either way, and that
-        change.
+        """Record a linear solve.
+
+        ``counts``: nodes in contact, slipping either way, and that change.
         """
         history = self.history
         seconds = time.perf_counter() - self.start_time
@@ -552,8 +556,8 @@ class SemismoothNewton:
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
     def counts(self, bound: Array, next_bound: Array) -> list[int]:
-        """Nodes in contact and slipping either way, nodes that change, and what tells the next sets
-        from others.
+        """Return nodes in contact and slipping either way, nodes that change, and what tells the
+        next sets from others.
         """
         # Points that can transmit no shear count as sticking.
         sets = self.problem.sets.sticking(~(bound > 0))

@@ -60,8 +60,9 @@ _EXPLAINED = (
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
-    """Solve a load step; the iterate stays in ``task.newton``; ``solve_budget``: linear solves
-    allowed, None: those of ``step_limit``.
+    """Solve a load step; the iterate stays in ``task.newton``.
+
+    ``solve_budget``: linear solves allowed, None: those of ``step_limit``.
     """
     task.begin_step(start)
     if task.newton.linear:
@@ -121,8 +122,8 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
 def _left_loose(
     task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool
 ) -> Outcome:
-    """The solution nearest to the last one, ``begin``, where bodies lie loose, or the outcome that
-    has failed.
+    """Return the solution nearest to the last one, ``begin``, where bodies lie loose, or the
+    outcome that has failed.
     """
     newton = task.newton
     ended = newton.checkpoint()
@@ -143,8 +144,8 @@ def _left_loose(
 
 
 def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
-    """The solution nearest to the iterate of the task, without tractions where bodies lie loose;
-    None: none found.
+    """Return the solution nearest to the iterate of the task, without tractions where bodies lie
+    loose; None: none found.
     """
     # Their loads balance each other, and contact need not press on them: they are in equilibrium
     # without any traction in many places, so that no method finds one.  Springs at the contact
@@ -215,7 +216,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
 
 
 def _solve(task: Task, start: Start) -> Outcome:
-    """The method of the scene, with its fall-backs."""
+    """Return the method of the scene, with its fall-backs."""
     augments = task.settings.algorithm == "alm"
     if augments:
         slip_origin = start.data.slip_origin - start.elastic_slip
@@ -232,7 +233,7 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
-    """Whether the body stays where it is; collective."""
+    """Return whether the body stays where it is; collective."""
     # If nothing holds it, it does so in one of several load steps alone: a problem without any load
     # is not determined.
     data = start.data
@@ -251,8 +252,8 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 
 def _first_loaded(task: Task, start: Start) -> Start:
-    """The start of a load step: contact everywhere for bodies that contact alone holds, and does
-    not press on, where loads push them now.
+    """Return the start of a load step: contact everywhere for bodies that contact alone holds, and
+    does not press on, where loads push them now.
     """
     # No contact would hold them with the active sets, nor friction with the bound, that they have
     # without a load.
@@ -267,15 +268,15 @@ def _first_loaded(task: Task, start: Start) -> Start:
 
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
-    """The outcome of a problem without contact, hence without tractions, at the iterate."""
+    """Return the outcome of a problem without contact, hence without tractions, at the iterate."""
     newton = task.newton
     newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
     return Outcome(status, newton, data, augmented=task.settings.algorithm == "alm")
 
 
 def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
-    """The solution without contact where an iteration has come to it, and round-off decides which
-    points touch.
+    """Return the solution without contact where an iteration has come to it, and round-off decides
+    which points touch.
     """
     newton = failed.newton
     points = task.motions.points

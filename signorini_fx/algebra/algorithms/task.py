@@ -69,8 +69,11 @@ class Start:
 class Outcome:
     """How a load step ended, or one of the methods that were tried on it: the inner method whose
     iterate is the result, and the problem with the final gamma. ``augmented``: by augmentation, so
-    that there is no regularisation error, nor elastic slip; ``regularisation_error``: the estimate
-    of path-following, in the energy norm, None where it did not run.
+    that there is no regularisation error, nor elastic slip.
+
+    Attributes:
+        regularisation_error: the estimate of path-following, in the energy norm, None where it did
+            not run.
     """
 
     status: Status
@@ -86,7 +89,9 @@ class Outcome:
         return self.newton.problem
 
     def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the result, counted from the reference motion of the body."""
+        """Return all displacement dofs of the result, counted from the reference motion of the
+        body.
+        """
         return self.problem.system.displacement(self.newton.x)
 
 
@@ -131,10 +136,13 @@ class Task:
         bilateral: Flags | None = None,
         **options: Any,
     ) -> Task:
-        """A problem that starts with contact and stick everywhere, from its reference motion;
-        ``gap``: d, length, shape (n,); ``law``: of friction, None: there is none; ``bilateral``:
-        points whose contact cannot open, shape (n,),
-        None: there are none; the others, see ``Task``; collective.
+        """Return a problem that starts with contact and stick everywhere, from its reference
+        motion; collective.
+
+        ``gap``: d, length, shape (n,).
+        ``law``: of friction, None: there is none.
+        ``bilateral``: points whose contact cannot open, shape (n,), None: there are none; the
+            others, see ``Task``.
         """
         points = motions.points
         sides = np.zeros(gap.size, dtype=bool) if bilateral is None else bilateral
@@ -204,7 +212,7 @@ class Task:
         self.newton.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
-        """The contact points of this rank in a result, with displacements from the initial
+        """Return the contact points of this rank in a result, with displacements from the initial
         position; slip is counted from ``start``.
         """
         law = start.law

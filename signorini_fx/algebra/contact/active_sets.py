@@ -58,7 +58,9 @@ class ActiveSets:
 
     @classmethod
     def of(cls, contact: Flags, direction: Array, turning: Array | None = None) -> ActiveSets:
-        """Sets from the contact set and the directions, which are zero where the point sticks."""
+        """Return sets from the contact set and the directions, which are zero where the point
+        sticks.
+        """
         slip = length(direction) > 0.5
         return cls(contact, slip, direction, np.zeros(slip.size) if turning is None else turning)
 
@@ -86,14 +88,14 @@ class ActiveSets:
         return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
 
     def changed(self, reference: ActiveSets) -> Flags:
-        """The points in another set than in ``reference``, or whose direction has turned by more
-        than a right angle.
+        """Return the points in another set than in ``reference``, or whose direction has turned by
+        more than a right angle.
         """
         turned = inner(self.direction, reference.direction) < 0
         return (self.contact != reference.contact) | (self.slip != reference.slip) | turned
 
     def sticking(self, where: Flags) -> ActiveSets:
-        """The sets with the points ``where`` put into I_f."""
+        """Return the sets with the points ``where`` put into I_f."""
         slip = self.slip & ~where
         return ActiveSets(
             self.contact,
@@ -166,7 +168,7 @@ def slip_multiplier(sets: ActiveSets, mu: Array, u_t: Array, data: RegularisedDa
 
 
 def next_sets(u_n: Array, u_t: Array, xi: Array, mu: Array, data: RegularisedData) -> ActiveSets:
-    """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
+    """Return the active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
     A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose
     bound is zero transmits no shear and belongs to the side to which it moves.
@@ -187,7 +189,7 @@ def next_sets(u_n: Array, u_t: Array, xi: Array, mu: Array, data: RegularisedDat
 
 
 def classify(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) -> ActiveSets:
-    """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
+    """Return the active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
     trial = trial_shear(u_t, data)
     if data.bound is None:
         return next_sets(u_n, u_t, trial, trial, data)
@@ -201,8 +203,8 @@ def classify(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) ->
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
-    """The sets without stick where no shear can be transmitted: the bound, or the pressure that it
-    depends on, is zero.
+    """Return the sets without stick where no shear can be transmitted: the bound, or the pressure
+    that it depends on, is zero.
 
     In 2D these points slip along the tangent, in 3D without a direction, because none is
     distinguished.
@@ -245,7 +247,8 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Array:
 
 
 def law_residual(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) -> Array:
-    """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
+    """Return how far mu of these sets is from the projection (3.4) of the iterate, stress, shape
+    (n,).
 
     Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the
     same.
@@ -264,9 +267,12 @@ def hold(
     escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
     """Sets near ``following`` that hold the body, the status if it moves away, and whether they
-    differ from ``following``; ``sets``: with which the iterate, with tau_T y = ``u_t``, was
-    computed, whose ``multipliers`` are asked for; ``escaping``: how the body moves away whatever
-    the sets are, see ``statics.no_balance``, None: it may stay; collective.
+    differ from ``following``; collective.
+
+    ``sets``: with which the iterate, with tau_T y = ``u_t``, was computed, whose ``multipliers``
+        are asked for.
+    ``escaping``: how the body moves away whatever the sets are, see ``statics.no_balance``, None:
+        it may stay.
     """
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
@@ -318,7 +324,7 @@ def hold(
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
-    """Whether sets resist every rigid motion, in 3D also by slip in another direction;
+    """Return whether sets resist every rigid motion, in 3D also by slip in another direction;
     collective.
     """
     return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
@@ -359,6 +365,6 @@ def _shares(count: int) -> list[float]:
 
 
 def _least(points: ContactPoints, places: Ints, share: float) -> Flags:
-    """The share of the candidates with the least violation, never all of them."""
+    """Return the share of the candidates with the least violation, never all of them."""
     count = _count(points, places)
     return (places >= 0) & (places < min(round(share * count), count - 1))

@@ -165,7 +165,7 @@ class Bond:
         return 0.5 * (1.0 - self.damaged(traces)) * self.stiffness * size**2
 
     def _opened(self, traces: tuple[Array, Array]) -> _Opened:
-        """How far bonds have opened and slipped."""
+        """Return how far bonds have opened and slipped."""
         along = np.maximum(self.position[:, 0] - traces[0], 0.0)
         slip = traces[1] - self.position[:, 1:]
         squared = inner(slip, slip)
@@ -174,7 +174,7 @@ class Bond:
         return _Opened(along, slip, size, shear)
 
     def _limits(self, shear: Array) -> _Limits:
-        """The openings between which bonds soften, for shares of shear."""
+        """Return the openings between which bonds soften, for shares of shear."""
         k = self.stiffness
         opens, shears = self.strength**-2, self.shear_strength**-2
         ratio = (1.0 - shear) * opens + shear * shears
@@ -190,7 +190,7 @@ class Bond:
 
     @staticmethod
     def _wanted(opened: _Opened, limits: _Limits) -> Array:
-        """The damage of bonds that had none before, from 0 to 1."""
+        """Return the damage of bonds that had none before, from 0 to 1."""
         first, last, _, _ = limits
         size = np.maximum(opened.size, first)
         return np.clip(last * (size - first) / (size * (last - first)), 0.0, 1.0)

@@ -92,8 +92,9 @@ class RegularisedData:
         bilateral: Flags,
         immovable: Flags,
     ) -> RegularisedData:
-        """The problem without shifts, for points with so many tangents, with the given part of the
-        friction bound;
+        """Return the problem without shifts, for points with so many tangents, with the given part
+        of the friction bound.
+
         ``natural_gamma``: the unit of gamma where it is automatic, stress per length.
         """
         automatic = AUTOMATIC_GAMMA * natural_gamma
@@ -142,7 +143,7 @@ class RegularisedData:
 
 
 def slip_of(u_t: Array, data: RegularisedData) -> Array:
-    """The tangential displacement that friction opposes, length, shape (n, d - 1)."""
+    """Return the tangential displacement that friction opposes, length, shape (n, d - 1)."""
     return u_t - data.slip_origin
 
 
@@ -180,8 +181,8 @@ def slips(xi: Array, mu: Array, bound: Array, data: RegularisedData) -> Flags:
 
 
 def onto_disc(shear: Array, bound: Array) -> Array:
-    """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be
-    infinite.
+    """Return the projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound
+    may be infinite.
     """
     beyond = length(shear) > bound
     return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)

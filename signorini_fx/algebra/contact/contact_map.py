@@ -75,15 +75,15 @@ class ContactMap:
         return mark.getArray(readonly=True) > 0
 
     def after(self, change: PETSc.Mat, fixed: Flags) -> ContactMap:
-        """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
+        """Return the map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         lift = (
             None if self.lift is None else change.transposeMatMult(self.lift)
         )  # of an orthogonal change
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: Integers) -> ContactMap:
-        """The map of a system that has some of the unknowns only, by their local numbers on this
-        rank; collective.
+        """Return the map of a system that has some of the unknowns only, by their local numbers on
+        this rank; collective.
         """
         rows = np.arange(*self.operator.getOwnershipRange())
         sets = [
@@ -94,8 +94,8 @@ class ContactMap:
         return replace(self, operator=operator, fixed=self.fixed[unknowns], lift=None)
 
     def near(self, far: Flags, x: PETSc.Vec) -> ContactMap:
-        """The map without the rows of points that are ``far``, which stay where ``x`` tells; one
-        rank.
+        """Return the map without the rows of points that are ``far``, which stay where ``x`` tells;
+        one rank.
         """
         dim = self.points.dimension
         starts, columns, values = self.operator.getValuesCSR()
@@ -107,8 +107,10 @@ class ContactMap:
         return replace(self, operator=operator, elsewhere=elsewhere)
 
     def law(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an
-        earlier one, which is filled again; collective.
+        """Return the matrix with a block of shape (d, d) for each point on its diagonal;
+        collective.
+
+        ``into``: an earlier one, which is filled again.
         """
         first = self.operator.getOwnershipRange()[0]
         rows = self.operator.getSizes()[0]
@@ -139,7 +141,7 @@ class ContactMap:
         return operator, blocks, half, operator.transposeMatMult(half)
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A copy of the matrix with room for B^T D B; collective."""
+        """Return a copy of the matrix with room for B^T D B; collective."""
         wider = matrix.copy()
         room = self.products[-1]
         room.zeroEntries()  # it has what the last tangent has left
@@ -147,9 +149,9 @@ class ContactMap:
         return wider
 
     def stiffness(self, diagonal: PETSc.Vec) -> Array:
-        """What a relative displacement meets at each point if only the diagonal of A resists: 1 /
-        (w B diag(A)^-1 B^T), the stiffest component that is not prescribed, stress per length,
-        shape (n,); collective.
+        """Return what a relative displacement meets at each point if only the diagonal of A
+        resists: 1 / (w B diag(A)^-1 B^T), the stiffest component that is not prescribed, stress per
+        length, shape (n,); collective.
         """
         scale = diagonal.copy()
         scale.reciprocal()
@@ -170,7 +172,10 @@ class ContactMap:
     def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
         """Return the stiffness of the stiffest contact point, times the share of its side in that
         of the contact boundary: of a uniform body its modulus over its size, stress per length;
-        ``diagonal``: of A; collective.
+        collective.
+
+        Args:
+            diagonal: of A.
         """
         points = self.points
         weight = self.points.weight

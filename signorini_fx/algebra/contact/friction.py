@@ -48,8 +48,10 @@ def envelope_at(given: Array, coefficient: Array, cap: Array | None, pressure: A
 
 @dataclass(frozen=True)
 class LawAtPoints:
-    """A law at m points, by their numbers, that is not its envelope; ``unknown``: what is not known
-    of it, in words.
+    """A law at m points, by their numbers, that is not its envelope.
+
+    Attributes:
+        unknown: what is not known of it, in words.
     """
 
     law: FrictionBound
@@ -159,7 +161,7 @@ class PointFriction:
         return replace(self, given=given, coefficient=coefficient, laws=tuple(laws))
 
     def forces(self, weight: Array) -> PointFriction:
-        """The envelope, which no bound exceeds, with forces for stresses at points with such
+        """Return the envelope, which no bound exceeds, with forces for stresses at points with such
         weights, shape (n,).
         """
         return PointFriction(

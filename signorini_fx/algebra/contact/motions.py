@@ -44,9 +44,9 @@ class RigidLoad:
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Array:
-    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly
-    whose loads balance each other to round-off. This is the only place that decides whether a load
-    acts on a rigid body.
+    """Return the work of loads times their factors on the free motions, shape (k,); zero for an
+    assembly whose loads balance each other to round-off. This is the only place that decides
+    whether a load acts on a rigid body.
     """
     work = np.zeros(count)
     size = np.zeros(count)
@@ -105,8 +105,8 @@ class FreeMotions:
         stick: Flags,
         directions: Array | None = None,
     ) -> Flags:
-        """Which assemblies have a motion that neither contact at ``normal`` points nor stick at
-        ``stick`` points resists, nor, perpendicular to it, slip in ``directions``, shape (n, d -
+        """Return which assemblies have a motion that neither contact at ``normal`` points nor stick
+        at ``stick`` points resists, nor, perpendicular to it, slip in ``directions``, shape (n, d -
         1), where these are not zero; shape (assemblies,); collective.
         """
         # Those that this rank knows of, also if they cannot move.
@@ -134,8 +134,9 @@ class FreeMotions:
         return unresisted
 
     def untouched(self, numbers: Sequence[int], pressed: Flags) -> list[int]:
-        """Which of these assemblies have no contact point with tractions; ``pressed``: which points
-        have, shape (n,); collective.
+        """Return which of these assemblies have no contact point with tractions; collective.
+
+        ``pressed``: which points have, shape (n,).
         """
         comm = self.points.comm
         of = self.of_point
@@ -157,8 +158,8 @@ class FreeMotions:
         stick: Flags,
         directions: Array | None = None,
     ) -> bool:
-        """Whether points in contact, sticking, and slipping in another direction resist every
-        motion; collective.
+        """Return whether points in contact, sticking, and slipping in another direction resist
+        every motion; collective.
         """
         return not self.unheld(normal, stick, directions).any()
 
@@ -176,7 +177,7 @@ class ReferenceMotion:
     displacement: Array | None = None
 
     def data_from(self, data: RegularisedData) -> RegularisedData:
-        """The problem for displacements that are counted from this place."""
+        """Return the problem for displacements that are counted from this place."""
         return replace(data, gap=data.gap - self.u_n, slip_origin=data.slip_origin - self.u_t)
 
 
@@ -221,8 +222,8 @@ def _rest_of(
     gap: Array,
     load: Array,
 ) -> Array | None:
-    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops
-    it, or it rests.
+    """Return how far the free motions of one assembly go, lengths, shape (k,); None where nothing
+    stops it, or it rests.
     """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
     resisted = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
@@ -238,8 +239,8 @@ def _rest_of(
 
 
 def _furthest(rows: Array, gap: Array, work: Array) -> Array | None:
-    """The coefficients q with rows q <= gap for which work . q is largest; None where it has no
-    bound.
+    """Return the coefficients q with rows q <= gap for which work . q is largest; None where it has
+    no bound.
     """
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])

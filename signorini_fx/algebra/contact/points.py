@@ -21,7 +21,9 @@ from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUT
 
 def pushed(depth: Array, size: float) -> Flags:
     """Return where supports push the body of this size into its foundation by more than round-off,
-    shape (n,); ``depth``: see ``PointState.held_inside``, length.
+    shape (n,).
+
+    ``depth``: see ``PointState.held_inside``, length.
     """
     return depth > SAME_LENGTH * size
 
@@ -92,9 +94,11 @@ class ContactPoints:
         return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
 
     def dragged(self, slip: Array, motion: Array) -> Flags:
-        """Points that supports move along their tangents, whatever the friction there, shape (n,);
+        """Return points that supports move along their tangents, whatever the friction there, shape
+        (n,).
+
         ``slip``: what friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n,
-        d), lengths.
+            d), lengths.
         """
         return length(matvec(self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
 
@@ -132,7 +136,7 @@ class ContactPoints:
         )
 
     def norm(self, values: Array) -> float:
-        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k);
+        """Return the norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k);
         collective.
         """
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
@@ -152,8 +156,8 @@ class ContactPoints:
         )
 
     def _felt(self, values: Array) -> Array:
-        """A pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape (n,
-        d).
+        """Return a pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape
+        (n, d).
         """
         if values.ndim == 1:
             return self.movable[:, :, 0] * values[:, None]
@@ -169,8 +173,11 @@ def onto_range(matrices: Array) -> Array:
 @dataclass(frozen=True)
 class PointGroups:
     """The contact points of this rank in groups that reach the same pieces of bodies, g groups, by
-    the number of the group of each point, shape (n,); ``pieces``: which pieces each group reaches,
-    shape (g, p), the same on every rank; methods are collective.
+    the number of the group of each point, shape (n,).
+
+    Attributes:
+        pieces: which pieces each group reaches, shape (g, p), the same on every rank; methods are
+            collective.
     """
 
     points: ContactPoints
@@ -179,8 +186,8 @@ class PointGroups:
 
     @classmethod
     def of(cls, points: ContactPoints, reached: Flags) -> PointGroups:
-        """The groups of points whose relative displacements are those of the pieces ``reached``,
-        shape (n, pieces).
+        """Return the groups of points whose relative displacements are those of the pieces
+        ``reached``, shape (n, pieces).
         """
         every = np.array(
             sorted(set(map(tuple, parallel.gather_rows(points.comm, reached).tolist())))
@@ -196,21 +203,23 @@ class PointGroups:
         return len(self.pieces)
 
     def norms(self, values: Array) -> Array:
-        """The norms of ``ContactPoints.norm`` over each group, shape (g,)."""
+        """Return the norms of ``ContactPoints.norm`` over each group, shape (g,)."""
         columns = values[:, None] if values.ndim == 1 else values  # a rank may have no point
         squares = (self.points.weight[:, None] * columns**2).sum(axis=1)
         sums = parallel.sums_by(self.points.comm, self.number, squares[:, None], self.count)
         return np.sqrt(sums[:, 0])
 
     def largest(self, values: Array) -> Array:
-        """The largest of values that are not below zero, shape (n,), in each group, shape (g,)."""
+        """Return the largest of values that are not below zero, shape (n,), in each group, shape
+        (g,).
+        """
         found = np.zeros(self.count)
         np.maximum.at(found, self.number, values)
         return parallel.largest_of_each(self.points.comm, found)
 
     def scales(self, sizes: Array, *, lengths: bool = False) -> Array:
-        """What each group is judged by, shape (g,), at least what is round-off of the largest of
-        all sizes.
+        """Return what each group is judged by, shape (g,), at least what is round-off of the
+        largest of all sizes.
 
         The size of a piece is the largest of the groups that reach it.  Of two pieces the smaller
         one counts: the other one may be pressed elsewhere by forces that say nothing of this

@@ -71,7 +71,7 @@ class PointState:
 
     @property
     def speed(self) -> Array | None:
-        """Return the speed of slip, length per time, shape (n,); None: friction does not follow
+        """Return the speed of slip, length per time, shape (n,); None if friction does not follow
         it.
         """
         return np.asarray(length(self.slip_length) / self.dt) if self.dt else None

@@ -61,9 +61,9 @@ def no_balance(
     load: Array,
     gap: Array | None = None,
 ) -> Escape | None:
-    """A proof that a contact problem has no solution, to be asked before anything is tried: how the
-    first assembly moves away, of those that loads drive, then of others; None: not proved of any;
-    collective.
+    """Return a proof that a contact problem has no solution, to be asked before anything is tried:
+    how the first assembly moves away, of those that loads drive, then of others; None: not proved
+    of any; collective.
 
     It holds for any number of contacts, for frictionless contact, any friction below its envelope,
     in 2D
@@ -133,7 +133,7 @@ class Reactions:
     assembly: Ints
 
     def of(self, number: int, columns: Flags) -> Reactions:
-        """The nodes and the motions of one assembly."""
+        """Return the nodes and the motions of one assembly."""
         normal, tangential, *others = (
             values[self.assembly == number] for values in vars(self).values()
         )
@@ -152,7 +152,7 @@ class Reactions:
         return replace(self, given=bound, cap=np.full_like(bound, np.inf))
 
     def against(self, motion: Array, unit_of_force: float) -> tuple[Array, Array, Ints, Array]:
-        """The tractions that do most work on a motion of shape (k,).
+        """Return the tractions that do most work on a motion of shape (k,).
 
         Returns:
             Edges of the cone and directions within it, one per row, the resultants of unlimited
@@ -199,9 +199,11 @@ def reactions(
     bilateral: Flags,
     pressing: Flags | None = None,
 ) -> Reactions:
-    """What contact can do against the free rigid motions; ``law``: of friction, stresses, None
-    without; ``bilateral``: nodes whose contact cannot open, ``pressing``: at which the foundation
-    can press, None: at all; given friction acts at all nodes; collective.
+    """Return what contact can do against the free rigid motions; collective.
+
+    ``law``: of friction, stresses, None without.
+    ``bilateral``: nodes whose contact cannot open, ``pressing``: at which the foundation can press,
+        None: at all; given friction acts at all nodes.
     """
     points = motions.points
     k = motions.count
@@ -232,9 +234,10 @@ def reactions(
 class NearestTractions:
     """The admissible tractions of one assembly whose resultant is nearest to a load: what they
     leave of it, the motion that it drives, in units of force, shape (k,), and the nodes that they
-    press with a force that no bound limits.
-    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the
-    load.
+    press with a force that no bound limits. ``balanced``: nothing but round-off is left.
+
+    Attributes:
+        unbalanced: it is proved that none balance the load.
     """
 
     motion: Array
@@ -244,10 +247,10 @@ class NearestTractions:
 
 
 def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> NearestTractions:
-    """The tractions of one assembly nearest to a load, its work on the motions, whose size is the
-    unit of force. A limited resultant z is the column (z, 1), an unlimited edge e the column (e,
-    0), and the load (W, 1). ``unlimited``: whether tractions with a given bound are left out; how
-    many times the load acts does then not matter.
+    """Return the tractions of one assembly nearest to a load, its work on the motions, whose size
+    is the unit of force. A limited resultant z is the column (z, 1), an unlimited edge e the column
+    (e, 0), and the load (W, 1). ``unlimited``: whether tractions with a given bound are left out;
+    how many times the load acts does then not matter.
     """
     size = float(np.linalg.norm(load))
     target = np.append(load / size, 0.0 if unlimited else 1.0)
@@ -259,8 +262,8 @@ def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> Near
     proof: tuple[Array, list[int]] | None = None
 
     def proves(motion: Array) -> bool:
-        """Whether admissible tractions do less work than the load: those with a bound, and others
-        as far as round-off of the motion lets them, whose sum is at most
+        """Return whether admissible tractions do less work than the load: those with a bound, and
+        others as far as round-off of the motion lets them, whose sum is at most
         ``LARGEST_BALANCING_FORCE`` times it.
         """
         edges, lengths, _, bounded = contact.against(motion, size)
@@ -305,10 +308,11 @@ def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> Near
 def combination(
     columns: Array, target: Array, passive: list[int]
 ) -> tuple[list[int], Array, Array]:
-    """The combination of columns of length 1, one per row, with non-negative coefficients that is
-    nearest to the
-    target: the rows with positive coefficients, these, and what is left of the target; ``passive``:
-    rows that had positive coefficients with fewer columns.
+    """Return the combination of columns of length 1, one per row, with non-negative coefficients
+    that is nearest to the target: the rows with positive coefficients, these, and what is left of
+    the target.
+
+    ``passive``: rows that had positive coefficients with fewer columns.
     """
     passive = list(passive)
     values = _solve(columns[passive], target)
@@ -346,7 +350,7 @@ def combination(
 
 
 def _solve(columns: Array, target: Array) -> Array:
-    """The coefficients of the columns, one per row, that come nearest to the target."""
+    """Return the coefficients of the columns, one per row, that come nearest to the target."""
     return (
         np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0])
         if len(columns)
@@ -355,8 +359,8 @@ def _solve(columns: Array, target: Array) -> Array:
 
 
 def escape(contact: Reactions, load: Array) -> tuple[Status, Array] | None:
-    """How a load, its work on the motions, not zero, moves one assembly away, and the motion that
-    it drives, shape (k,); None: not proved.
+    """Return how a load, its work on the motions, not zero, moves one assembly away, and the motion
+    that it drives, shape (k,); None: not proved.
     """
     near = nearest(contact, load)
     if not near.unbalanced:
@@ -378,7 +382,7 @@ def escape(contact: Reactions, load: Array) -> tuple[Status, Array] | None:
 
 
 def along_contact(contact: Reactions, motion: Array, pressed: Ints) -> Array:
-    """A motion that keeps pressed nodes in contact, shape (k,).
+    """Return a motion that keeps pressed nodes in contact, shape (k,).
 
     Where friction follows the pressure, the motion on which tractions can do no more work lifts
     slipping nodes off; the body does not.  The motion is returned as it is if nothing else is left
@@ -392,8 +396,8 @@ def along_contact(contact: Reactions, motion: Array, pressed: Ints) -> Array:
 
 
 def separable(contact: Reactions) -> bool:
-    """Whether one assembly can move off its foundation at all nodes at once, without slip where
-    friction is given.
+    """Return whether one assembly can move off its foundation at all nodes at once, without slip
+    where friction is given.
 
     Then no pressures are in balance: without a load there are none, and nothing says where the body
     is.
@@ -414,9 +418,9 @@ def separable(contact: Reactions) -> bool:
 
 
 def squeezed(contact: Reactions, gap: Array) -> bool:
-    """Whether one assembly is held by its foundation without a load, as in an interference fit with
-    these gaps at its contact nodes. Its nodes overlap with the foundation wherever it is if
-    pressures in balance do work on the gaps that is negative.
+    """Return whether one assembly is held by its foundation without a load, as in an interference
+    fit with these gaps at its contact nodes. Its nodes overlap with the foundation wherever it is
+    if pressures in balance do work on the gaps that is negative.
     """
     size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
@@ -431,10 +435,10 @@ def squeezed(contact: Reactions, gap: Array) -> bool:
 
 
 def largest_multiple(contact: Reactions, load: Array) -> float:
-    """The largest multiple of a load, its work on the motions, not zero, that admissible tractions
-    of one assembly balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger
-    multiple drives shows how much the tractions can do against it at most: Newton's method for the
-    largest one.
+    """Return the largest multiple of a load, its work on the motions, not zero, that admissible
+    tractions of one assembly balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that
+    a larger multiple drives shows how much the tractions can do against it at most: Newton's method
+    for the largest one.
     """
     multiple = LARGEST_BALANCING_FORCE
     size = float(np.linalg.norm(load))

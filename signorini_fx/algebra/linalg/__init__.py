@@ -52,7 +52,7 @@ class Level(Protocol):
 
     @property
     def coarser(self) -> Level | None:
-        """The next coarser level; None: there is none."""
+        """The next coarser level, or None if there is none."""
 
     @property
     def block(self) -> int:
@@ -60,8 +60,8 @@ class Level(Protocol):
 
     @property
     def interpolation(self) -> PETSc.Mat | None:
-        """Return the matrix from the unknowns on the coarser level, without prescribed ones; None:
-        there is no coarser level.
+        """Return the matrix from the unknowns on the coarser level, without prescribed ones; None
+        if there is no coarser level.
         """
 
     @property
@@ -70,7 +70,7 @@ class Level(Protocol):
 
     @property
     def stiffness(self) -> PETSc.Mat | None:
-        """The matrix on this mesh; None: it has other unknowns as well."""
+        """The matrix on this mesh, or None if it has other unknowns as well."""
 
     def modes(self) -> PETSc.NullSpace:
         """Rigid motions, orthonormal: what multigrid must not forget on its coarse levels."""
@@ -160,7 +160,7 @@ class ElasticSystem:
 
     @classmethod
     def of(cls, elasticity: Elasticity) -> Self:
-        """The system of an elasticity, with all load cases once."""
+        """Return the system of an elasticity, with all load cases once."""
         e = elasticity
         matrix = e.matrix if is_by_blocks(e.matrix) else row_by_row(e.contact.admitted(e.matrix))
         if e.definite:
@@ -199,14 +199,17 @@ class ElasticSystem:
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
     ) -> bool:
         """Decide whether the last factorisation is that of the new matrix too, which is the same if
-        ``unchanged``, and set the solver accordingly; ``forces``: size of the acting ones, which
-        the tolerance of a solve is relative to;
+        ``unchanged``, and set the solver accordingly.
+
+        ``forces``: size of the acting ones, which the tolerance of a solve is relative to.
         ``exact``: whether it must have full accuracy.
         """
         return unchanged
 
     def is_definite(self, matrix: PETSc.Mat) -> bool:
-        """Whether a symmetric matrix of the system has no negative eigenvalue; collective."""
+        """Return whether a symmetric matrix of the system has no negative eigenvalue;
+        collective.
+        """
         if is_by_blocks(matrix):
             return False
         factor, negative = with_inertia(matrix)
@@ -241,27 +244,27 @@ class ElasticSystem:
         return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """All unknowns of the stiffness from x."""
+        """Return all unknowns of the stiffness from x."""
         return x
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
-        """A new x from all unknowns of the stiffness."""
+        """Return a new x from all unknowns of the stiffness."""
         return displacement.copy()
 
 
 def finite(values: PETSc.Mat | PETSc.Vec) -> bool:
-    """Whether all entries are finite; collective."""
+    """Return whether all entries are finite; collective."""
     return bool(np.isfinite(values.norm(PETSc.NormType.NORM_INFINITY)))
 
 
 def is_by_blocks(matrix: PETSc.Mat) -> bool:
-    """Whether the entries of a matrix are blocks."""
+    """Return whether the entries of a matrix are blocks."""
     return bool(matrix.getType() == PETSc.Mat.Type.PYTHON)
 
 
 def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The sparse matrix itself, multiplied row by row: PETSc's products for several rows with the
-    same pattern, such as those of a node, take more time than they save.
+    """Return the sparse matrix itself, multiplied row by row: PETSc's products for several rows
+    with the same pattern, such as those of a node, take more time than they save.
     """
     matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
     return matrix

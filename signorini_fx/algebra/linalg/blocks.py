@@ -147,8 +147,9 @@ class BlockMatrix:
 
 
 def block_matrix(rows: BlockRows, comm: MPI.Comm, added: PETSc.Mat | None = None) -> PETSc.Mat:
-    """The symmetric positive definite matrix of the rows of all ranks; ``added``: C, with all the
-    entries it may have, which becomes part of it; collective.
+    """Return the symmetric positive definite matrix of the rows of all ranks; collective.
+
+    ``added``: C, with all the entries it may have, which becomes part of it.
     """
     size = ((rows.starts.size - 1) * rows.size, None)
     matrix = PETSc.Mat().create(comm)
@@ -162,7 +163,7 @@ def block_matrix(rows: BlockRows, comm: MPI.Comm, added: PETSc.Mat | None = None
 
 
 def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:
-    """A + C of A by blocks, see ``block_matrix``; collective."""
+    """Return a + C of A by blocks, see ``block_matrix``; collective."""
     return block_matrix(stiffness.getPythonContext().rows, stiffness.comm, added)
 
 
@@ -173,7 +174,7 @@ def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
 
 
 def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The sparse matrix with the entries of one by blocks, a copy, or the matrix itself;
+    """Return the sparse matrix with the entries of one by blocks, a copy, or the matrix itself;
     collective.
     """
     if not is_by_blocks(matrix):
@@ -195,8 +196,10 @@ def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 
 class PreconditionerByEntries:
     """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by
-    blocks;
-    ``configure``: sets its kind, once it has its matrix.
+    blocks.
+
+    Attributes:
+        configure: sets its kind, once it has its matrix.
     """
 
     def __init__(self, configure: Callable[[PETSc.PC], None]) -> None:

@@ -28,11 +28,14 @@ from signorini_fx.tuned import (
 @dataclass(frozen=True)
 class SystemSize:
     """The figures that decide which kind a system gets: the ranks that share it, the global number
-    of unknowns, d, and
-    ``retained``: unknowns that contact touches, of two bodies on both sides. ``held``: whether
-    contact and stick at all contact points hold every piece of the body; ``compressible``: enough
-    for multigrid; ``definite``: the matrix is positive semi-definite; ``enclosed``: contact and
-    supports enclose an incompressible body, so that what contact does not touch is singular.
+    of unknowns, d, and ``retained``: unknowns that contact touches, of two bodies on both sides.
+    ``held``: whether contact and stick at all contact points hold every piece of the body.
+
+    Attributes:
+        compressible: enough for multigrid.
+        definite: the matrix is positive semi-definite.
+        enclosed: contact and supports enclose an incompressible body, so that what contact does not
+            touch is singular.
     """
 
     comm: MPI.Comm
@@ -48,9 +51,10 @@ class SystemSize:
 def choose_system(
     elasticity: Elasticity, size: SystemSize, requested: str
 ) -> tuple[ElasticSystem, str]:
-    """The elastic system, and the reason for its kind; ``requested``: ``full``, ``krylov``,
-    ``condensed``, ``auto``, or the name of a solver of another package.  What few problems need is
-    imported here.
+    """Return the elastic system, and the reason for its kind.
+
+    ``requested``: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another
+        package.  What few problems need is imported here.
     """
     kind, reason = choose_kind(size, requested)
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
@@ -76,9 +80,9 @@ def choose_system(
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
-    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason;
-    ``requested``: as for ``choose_system``; without contact there is nothing to condense onto;
-    collective.
+    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; collective.
+
+    ``requested``: as for ``choose_system``; without contact there is nothing to condense onto.
     """
     if requested not in ("auto", "full", "condensed"):
         return requested, "as asked for"
@@ -109,7 +113,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
 
 
 def for_multigrid(size: SystemSize) -> str | None:
-    """Why a Krylov method with multigrid is better than a factorisation; None: it is not;
+    """Why a Krylov method with multigrid is better than a factorisation, or None if it is not;
     collective.
     """
     if petsc_options.user_chooses_solver():
@@ -127,8 +131,10 @@ def for_multigrid(size: SystemSize) -> str | None:
 
 
 def krylov_from(size: SystemSize, requested: str) -> float:
-    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite:
-    none does; ``size``: of the system on any of them.
+    """Return unknowns from which on a mesh of a body gets a Krylov method because it is faster;
+    infinite: none does.
+
+    ``size``: of the system on any of them.
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf

@@ -33,8 +33,10 @@ from signorini_fx.machine import parallel
 
 @dataclass
 class CondensedSystem(ElasticSystem):
-    """x holds the unknowns that B touches; ``condensed``: the load cases, see
-    ``SchurComplement.condense``.
+    """x holds the unknowns that B touches.
+
+    Attributes:
+        condensed: the load cases, see ``SchurComplement.condense``.
     """
 
     schur: SchurComplement
@@ -130,7 +132,7 @@ class CondensedSystem(ElasticSystem):
         return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
+        """Return the interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
         values = np.asarray(x.getArray(readonly=True))
         if self.recovered is not None and np.array_equal(values, self.recovered[0]):
             return self.recovered[1].copy()

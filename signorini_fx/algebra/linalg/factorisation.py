@@ -18,7 +18,7 @@ from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_CONDENSED_UNKN
 
 @cache
 def has_package(package: str, kind: str = "cholesky") -> bool:
-    """Whether this PETSc can factorise with a package (``kind``: cholesky or lu)."""
+    """Return whether this PETSc can factorise with a package (``kind``: cholesky or lu)."""
     probe = PETSc.Mat().createAIJ((1, 1), nnz=1, comm=MPI.COMM_SELF)
     probe.setValue(0, 0, 1.0)
     probe.assemble()
@@ -34,7 +34,7 @@ def has_package(package: str, kind: str = "cholesky") -> bool:
 
 
 def factorisation_package(comm: MPI.Comm, *, symmetric: bool, definite: bool = True) -> str:
-    """The fastest sparse direct solver that this PETSc has for the task.
+    """Return the fastest sparse direct solver that this PETSc has for the task.
 
     CHOLMOD factorises faster than MUMPS on one rank, but only symmetric positive definite matrices.
     """
@@ -46,19 +46,19 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool, definite: bool = T
 
 
 def factor_type(*, symmetric: bool) -> str:
-    """The kind of factorisation, for PETSc."""
+    """Return the kind of factorisation, for PETSc."""
     return str(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
 
 def can_factorise(comm: MPI.Comm) -> bool:
-    """Whether this PETSc has a sparse direct solver for this number of ranks; its own is for
+    """Return whether this PETSc has a sparse direct solver for this number of ranks; its own is for
     one.
     """
     return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:
-    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested
+    """Return entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested
     dissection).
     """
     return (
@@ -69,12 +69,14 @@ def factor_entries(unknowns: int, dimension: int) -> float:
 
 
 def factor_memory(unknowns: int, dimension: int) -> float:
-    """Bytes of a sparse factor: a number of 8 bytes an entry, and an index for every second one."""
+    """Return bytes of a sparse factor: a number of 8 bytes an entry, and an index for every second
+    one.
+    """
     return 12.0 * factor_entries(unknowns, dimension)
 
 
 def enough_memory(comm: MPI.Comm, needed: float) -> bool:
-    """Whether the machines of these ranks have so many bytes; collective."""
+    """Return whether the machines of these ranks have so many bytes; collective."""
     return needed <= MEMORY_SHARE * parallel.machine_memory(comm)
 
 

@@ -116,6 +116,9 @@ class BlockProduct:
         return self._cast(f"{kind} *", array.ctypes.data)
 
     def __call__(self, x: Array, y: Array) -> None:
-        """Write A x into y; ``x``: with what columns of other ranks need."""
+        """Write A x into y.
+
+        ``x``: with what columns of other ranks need.
+        """
         vectors = (self._address("double", values) for values in (x, y))
         self._kernel(self._arrays[0].size - 1, *self._matrix, *vectors)

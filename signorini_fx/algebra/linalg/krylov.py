@@ -50,7 +50,7 @@ class KrylovSystem(ElasticSystem):
 
     @classmethod
     def of(cls, elasticity: Elasticity) -> Self:
-        """The system as it was assembled; multigrid gets to know the rigid motions."""
+        """Return the system as it was assembled; multigrid gets to know the rigid motions."""
         system = super().of(elasticity)
         if not system.rigid:
             system._tell(system.matrix)

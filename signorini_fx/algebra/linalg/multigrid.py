@@ -48,8 +48,10 @@ _FEW = (
 class Hierarchy:
     """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed
     aggregation. From each level P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0,
-    ... are ``coarse``; ``largest``: the largest eigenvalue of A over its diagonal, as CG sees it in
-    a few steps.
+    ... are ``coarse``.
+
+    Attributes:
+        largest: the largest eigenvalue of A over its diagonal, as CG sees it in a few steps.
     """
 
     interpolations: tuple[PETSc.Mat, ...]
@@ -82,8 +84,9 @@ class Hierarchy:
 
     def with_rigid_bodies(self, free: Flags, stiffness: Array) -> Hierarchy:
         """Return the hierarchy with the unknowns of rigid bodies on each level, see
-        ``rigid_unknowns``, on coarse levels the free ones; ``stiffness``: of their springs;
-        collective.
+        ``rigid_unknowns``, on coarse levels the free ones; collective.
+
+        ``stiffness``: of their springs.
         """
         springs = stiffness[free]
         ones = np.ones(np.count_nonzero(free))
@@ -159,7 +162,7 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
 
 
 def _irregular(x: PETSc.Vec) -> PETSc.Vec:
-    """The vector itself with entries that are the same on any number of ranks, and no smooth
+    """Return the vector itself with entries that are the same on any number of ranks, and no smooth
     function of the place.
     """
     first, last = x.getOwnershipRange()
@@ -168,7 +171,7 @@ def _irregular(x: PETSc.Vec) -> PETSc.Vec:
 
 
 def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
-    """The largest eigenvalue of A over its diagonal that CG finds; collective."""
+    """Return the largest eigenvalue of A over its diagonal that CG finds; collective."""
     ksp = PETSc.KSP().create(matrix.comm)
     ksp.setOperators(matrix)
     ksp.setType(PETSc.KSP.Type.CG)
@@ -182,12 +185,15 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
 
 class ContactLevels:
     """All that the preconditioners of one system share: it follows from A, but for the truncation
-    of the levels.
-    ``unknowns``: the contact unknowns of this rank, in the local part of x, ascending, the last
-    ``rigid`` of them those of rigid bodies, and ``places`` their numbers; ``diagonal``: of A,
-    infinite where a rigid body moves; ``joined``: the blocks of two bodies at the points, and
-    ``lift``, S of ``truncation``, None with a rigid foundation;
-    ``inverse``: D^-1, zero where contact holds; ``times``: how often the levels were truncated.
+    of the levels. ``unknowns``: the contact unknowns of this rank, in the local part of x,
+    ascending, the last ``rigid`` of them those of rigid bodies, and ``places`` their numbers.
+
+    Attributes:
+        diagonal: of A, infinite where a rigid body moves.
+        joined: the blocks of two bodies at the points, and ``lift``, S of ``truncation``, None with
+            a rigid foundation.
+        inverse: D^-1, zero where contact holds.
+        times: how often the levels were truncated.
     """
 
     def __init__(
@@ -248,9 +254,12 @@ class ContactLevels:
         self._truncated_at: tuple[Array, Array] | None = None
 
     def truncate(self, held: Array, soft: Array, reduced: PETSc.Mat | None) -> None:
-        """Truncate the levels where the directions held are others; ``held`` and ``soft``: see
-        ``NodalBlocks.split``;
-        ``reduced``: S^T (A + C)_cc S of two bodies; collective.
+        """Truncate the levels where the directions held are others; collective.
+
+        Args:
+            held: see ``NodalBlocks.split``.
+            soft: see ``NodalBlocks.split``.
+            reduced: S^T (A + C)_cc S of two bodies.
         """
         if not parallel.any_rank(self._comm, self._differs(held, soft)):
             return
@@ -272,7 +281,7 @@ class ContactLevels:
         self.inverse.assemble()
 
     def _differs(self, held: Array, soft: Array) -> bool:
-        """Whether the levels are to be truncated anew on account of this rank."""
+        """Return whether the levels are to be truncated anew on account of this rank."""
         if self._truncated_at is None:
             return True
         truncated = self._truncated_at
@@ -305,8 +314,10 @@ class ContactLevels:
 
 
 class ContactPreconditioner:
-    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner;
-    ``fixed``: the prescribed unknowns of this rank.
+    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
+
+    Attributes:
+        fixed: the prescribed unknowns of this rank.
     """
 
     def __init__(self, levels: ContactLevels, fixed: Flags, *, symmetric: bool) -> None:

@@ -42,12 +42,15 @@ _DEEPEST = 40  # halvings
 class PartialFactor:
     """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that
     stay, c; one rank. A load is one row and column more that stay: the factorisation condenses it,
-    and no back substitution is needed.
-    ``rows``: of A, shape (n, n or more); ``places``: of each column its place among the ``count``
-    that stay, -1: it is inner, or if it is none of this rank empty; ``positions``: of the first
-    unknowns, from which the order of their elimination is taken, None: minimum degree. ``inner``:
-    the m inner unknowns; ``toward``: A_ic, shape (m, c);
-    ``negative``: how many eigenvalues of A_ii are, once it is factorised.
+    and no back substitution is needed. ``rows``: of A, shape (n, n or more).
+
+    Attributes:
+        places: of each column its place among the ``count`` that stay, -1: it is inner, or if it is
+            none of this rank empty.
+        positions: of the first unknowns, from which the order of their elimination is taken, None:
+            minimum degree. ``inner``: the m inner unknowns.
+        toward: A_ic, shape (m, c).
+        negative: how many eigenvalues of A_ii are, once it is factorised.
     """
 
     negative = 0
@@ -154,13 +157,13 @@ class PartialFactor:
 
 
 def _power(size: float) -> float:
-    """A power of two of this size; 1 for zero."""
+    """Return a power of two of this size; 1 for zero."""
     return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
 
 
 @cache
 def _order_is_taken() -> bool:
-    """Whether ``_factorise`` can prescribe the order: not with all versions of PETSc."""
+    """Return whether ``_factorise`` can prescribe the order: not with all versions of PETSc."""
     sample = PETSc.Mat().createSBAIJ(
         (3, 3), 1, csr=([0, 2, 3, 4], [0, 2, 1, 2], [1.0, 1.0, 1.0, 0.0]), comm=PETSc.COMM_SELF
     )
@@ -233,8 +236,9 @@ _last_dissected: dict[int, Numbers] = {}
 
 
 def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
-    """The inner unknowns, ascending in ``inner``, in the order of nested dissection, those of a
-    node one after another, shape (m,). ``rows``: theirs, with the columns of this rank first;
+    """Return the inner unknowns, ascending in ``inner``, in the order of nested dissection, those
+    of a node one after another, shape (m,). ``rows``: theirs, with the columns of this rank first.
+
     ``positions``: of the first unknowns, the others are eliminated at the end.
     """
     body = hash((rows.indptr.tobytes(), inner.tobytes(), positions.tobytes()))
@@ -265,7 +269,9 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
 
 
 def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
-    """The nodes of a graph of symmetric pattern in the order of their elimination, shape (n,)."""
+    """Return the nodes of a graph of symmetric pattern in the order of their elimination, shape
+    (n,).
+    """
     _, piece = connected_components(
         graph, directed=True, connection="weak"
     )  # of symmetric ones the fastest

@@ -52,7 +52,7 @@ def call(name: str, *arguments: object) -> None:
 
 
 def memory_ended(error: BaseException) -> bool:
-    """Whether an error says that there was not enough memory."""
+    """Return whether an error says that there was not enough memory."""
     if isinstance(error, PETSc.Error):
         return error.ierr == _OUT_OF_MEMORY or (
             error.ierr == _IN_LIBRARY and bool(_BY_CHOLMOD.search(str(error)))
@@ -63,7 +63,7 @@ def memory_ended(error: BaseException) -> bool:
 
 
 def factor_lacks_memory(ksp: PETSc.KSP) -> bool:
-    """Whether the factorisation of a linear solver, one that raises no error, had not enough
+    """Return whether the factorisation of a linear solver, one that raises no error, had not enough
     memory; collective.
     """
     return bool(ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
@@ -115,7 +115,7 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def weakly(method: Callable[P, T]) -> Callable[P, T]:
-    """A bound method for PETSc to call, which does not keep its object."""
+    """Return a bound method for PETSc to call, which does not keep its object."""
     held = weakref.WeakMethod(method)
 
     def alive(*args: P.args, **kwargs: P.kwargs) -> T:

@@ -38,8 +38,8 @@ _WATCHING = ("monitor", "view", "converged_reason")
 
 
 def user_sets(*starts: str) -> bool:
-    """Whether the user has set any option whose name begins with one of these (without prefix),
-    monitors excepted.
+    """Return whether the user has set any option whose name begins with one of these (without
+    prefix), monitors excepted.
     """
     names = [
         name.removeprefix(PREFIX) for name in PETSc.Options().getAll() if name.startswith(PREFIX)
@@ -50,7 +50,7 @@ def user_sets(*starts: str) -> bool:
 
 
 def user_chooses_solver() -> bool:
-    """Whether the user has set any option of the linear solvers and their matrices."""
+    """Return whether the user has set any option of the linear solvers and their matrices."""
     return user_sets("pc_", "ksp_", "mat_")
 
 
@@ -87,8 +87,8 @@ def refuse_exchanged() -> None:
 
 
 def refused(error: PETSc.Error) -> OptionsError | None:
-    """The message for an error of PETSc that options of the user may have caused; None if there are
-    none.
+    """Return the message for an error of PETSc that options of the user may have caused; None if
+    there are none.
     """
     user_options = {
         name: value or ""

@@ -20,7 +20,8 @@ from signorini_fx.tuned import KRYLOV_STEPS, SAME_NUMBER
 
 
 def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
-    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements;
+    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements.
+
     ``rotation``: Q, from the unknowns of ``own``, None: the identity.
     """
     rows = own.getSizes()[0]

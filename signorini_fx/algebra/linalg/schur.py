@@ -122,8 +122,9 @@ class SchurComplement:
         return self._onto_retained(values, self._condensed[1])
 
     def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
-        """All unknowns, from those of this rank that stay: one back substitution; ``between``: of
-        this load.
+        """Return all unknowns, from those of this rank that stay: one back substitution.
+
+        ``between``: of this load.
         """
         at_joint = np.zeros(self._size)
         result = load.duplicate()
@@ -144,8 +145,9 @@ class SchurComplement:
         return result
 
     def _joined(self, beyond: sp.csr_array, dense: Array) -> Array:
-        """The matrix of the joint unknowns; ``beyond``: entries of all ranks, ``dense``: of those
-        it touches.
+        """Return the matrix of the joint unknowns.
+
+        ``beyond``: entries of all ranks, ``dense``: of those it touches.
         """
         if self._comm.size == 1:
             entries = sp.coo_array(beyond)
@@ -157,7 +159,9 @@ class SchurComplement:
         return matrix
 
     def _eliminate_border(self, matrix: Array) -> Array:
-        """The matrix of the joint unknowns without the border, whose factor and coupling stay."""
+        """Return the matrix of the joint unknowns without the border, whose factor and coupling
+        stay.
+        """
         cut = self._cut
         try:
             self._border_factor = cholesky(matrix[:cut, :cut], lower=True, check_finite=False)
@@ -169,8 +173,9 @@ class SchurComplement:
         return matrix[cut:, cut:] - self._across.T @ self._across if cut else matrix
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
-        """A load at all that stay without the border, and at the border; ``part``: of its inner
-        unknowns.
+        """Return a load at all that stay without the border, and at the border.
+
+        ``part``: of its inner unknowns.
         """
         joint_load = np.concatenate(
             [
@@ -186,7 +191,7 @@ class SchurComplement:
         return joint_load[self._cut :] - self._across.T @ between, between
 
     def _parts(self, places: Ints, values: Array) -> Iterator[tuple[Ints, Array]]:
-        """Numbers of joint unknowns of each rank, and its values there, flat."""
+        """Return numbers of joint unknowns of each rank, and its values there, flat."""
         gathered = [parallel.gather_rows(self._comm, rows) for rows in (places, np.ravel(values))]
         ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
         return zip(
@@ -195,8 +200,8 @@ class SchurComplement:
 
 
 def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Ints]:
-    """The rows of this rank, their columns those of this rank first, then those of others, and the
-    names of these.
+    """Return the rows of this rank, their columns those of this rank first, then those of others,
+    and the names of these.
     """
     first, last = matrix.getOwnershipRange()
     starts, columns, values = matrix.getValuesCSR()

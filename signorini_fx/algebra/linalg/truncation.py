@@ -32,8 +32,9 @@ from signorini_fx.tuned import NOTHING_LEFT
 
 def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
     """Projections E onto the directions that contact holds, and the rest of what it adds to the
-    stiffness, blocks of shape (n, d, d); ``added``: relative to ``scale``, force per length, shape
-    (n,).
+    stiffness, blocks of shape (n, d, d).
+
+    ``added``: relative to ``scale``, force per length, shape (n,).
     """
     # The blocks of the monolithic method are not symmetric: what they hold is what they do not map
     # to nearly zero.
@@ -49,8 +50,10 @@ class NodalBlocks:
     """The blocks that contact matrices have at the nodes of this rank, which have those of their
     ``size`` unknowns that are contact unknowns, ``unknowns`` in the local part of x, ascending;
     blocks are of shape (nodes, size, size), with zeros for the others. ``starts``, ``columns``: the
-    rows of a matrix with these blocks, columns by their place in ``unknowns``; ``scale``: mean
-    stiffness of each node, force per length.
+    rows of a matrix with these blocks, columns by their place in ``unknowns``.
+
+    Attributes:
+        scale: mean stiffness of each node, force per length.
     """
 
     def __init__(self, elastic: PETSc.Mat, unknowns: Ints, size: int) -> None:
@@ -76,15 +79,16 @@ class NodalBlocks:
         return present
 
     def values(self, blocks: Array) -> Array:
-        """The entries of blocks in the order of ``columns``."""
+        """Return the entries of blocks in the order of ``columns``."""
         node = self._node[self._rows]
         row = self._component[self._rows]
         column = self._component[self.columns]
         return blocks[node, row, column]
 
     def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with these blocks; ``into``: an earlier one, which is filled again;
-        collective.
+        """Return the matrix with these blocks; collective.
+
+        ``into``: an earlier one, which is filled again.
         """
         empty_rows = self._sizes[0][0] - self._node.size
         csr = (
@@ -158,9 +162,14 @@ class NodalBlocks:
 
 class TruncatedLevels:
     """(I - E) P_0, ``interpolation``, and the coarse matrices A_1', A_2', ..., which change in
-    place; ``lift``: S,
-    None: the unit matrix; ``functions``: G; ``elastic``: A_cc; ``product``: (A P)_c; ``places``: c,
-    numbers of the contact unknowns of this rank.
+    place.
+
+    Attributes:
+        lift: S, None: the unit matrix.
+        functions: G.
+        elastic: A_cc.
+        product: (A P)_c.
+        places: c, numbers of the contact unknowns of this rank.
     """
 
     def __init__(
@@ -231,7 +240,7 @@ class TruncatedLevels:
             level.setOption(PETSc.Mat.Option.SPD, True)
 
     def _in_all_rows(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A matrix with rows at the contact unknowns as one with rows at all unknowns;
+        """Return a matrix with rows at the contact unknowns as one with rows at all unknowns;
         collective.
         """
         first, last = self.interpolation.getOwnershipRange()

@@ -50,7 +50,7 @@ class UserSystem(ElasticSystem):
 
     @classmethod
     def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
-        """The system as it was assembled, with the solver of this name."""
+        """Return the system as it was assembled, with the solver of this name."""
         system = cls.of(elasticity)
         system.solver = load(LINEAR_SOLVERS, name)
         return system

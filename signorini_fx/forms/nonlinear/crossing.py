@@ -62,7 +62,10 @@ class InnerPoints:
 
     @classmethod
     def of(cls, body: NonlinearBody, places: Array) -> InnerPoints:
-        """Return those of the facets of this rank; ``places``: see ``BodyCells.placed``."""
+        """Return those of the facets of this rank.
+
+        ``places``: see ``BodyCells.placed``.
+        """
         space, forms, cells = body.space, body.forms, body.foundations.cells
         facets = dmesh.exterior_facet_indices(space.mesh.topology)
         entities = facet_entities(space.mesh, facets)
@@ -83,8 +86,9 @@ class InnerPoints:
         return InnerPoints(*(values[chosen] for values in vars(self).values()))
 
     def sent(self, body: NonlinearBody, corners: Array) -> InnerPoints:
-        """Return those that cells of this rank may cover, of all ranks; ``corners``: of the cells;
-        collective.
+        """Return those that cells of this rank may cover, of all ranks; collective.
+
+        ``corners``: of the cells.
         """
         comm, corners = body.space.mesh.comm, corners.reshape(-1, self.x.shape[1])
         if comm.size == 1:

@@ -178,7 +178,9 @@ class MovingFoundations(Foundations):
                     moving.shape = moving.shape.model_copy(update=driving)
 
     def motion_at(self, boundary: ContactBoundary, begun: State) -> Array | None:
-        """How far shapes have moved with points since a state, length, shape (n, d); None: not."""
+        """Return how far shapes have moved with points since a state, length, shape (n, d); None:
+        not.
+        """
         moved = self.moved_shapes(begun.placed)
         places = begun.displacement.reshape(-1, self._dimension)
         if not moved:
@@ -271,8 +273,8 @@ class MovingFoundations(Foundations):
         return tuple(joint)
 
     def slips_at_corners(self, boundary: ContactBoundary, begun: State) -> Array:
-        """How far the points of the body that were under corners when a step began have moved from
-        there, length, shape (n, d), zero at nodes; collective.
+        """Return how far the points of the body that were under corners when a step began have
+        moved from there, length, shape (n, d), zero at nodes; collective.
         """
         slips = np.zeros_like(boundary.x)
         moved = self.moved_shapes(begun.placed)
@@ -433,9 +435,9 @@ class Solved:
         return task.motions.untouched(task.idle, np.asarray(tractions.any(axis=1)))
 
     def internal(self, increment: Array) -> tuple[Array, Array, float]:
-        """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned
-        dofs,), and the work of the forces that normals which turn relative to rigid bodies, and
-        their springs, exert on increments from where the body is; collective.
+        """Return what a(d, .), where no support prescribes d, and the curvature alone are, shapes
+        (owned dofs,), and the work of the forces that normals which turn relative to rigid bodies,
+        and their springs, exert on increments from where the body is; collective.
         """
         linear = self.linear
         elastic = linear.elastic
@@ -496,8 +498,9 @@ class NonlinearBody(BodyOfForms):
         self.begin = self.initial()
 
     def take_scene(self, model: Model, history: History) -> None:
-        """Take names, parts and the history of a scene; ``model``: the linear body that it is at
-        small strains.
+        """Take names, parts and the history of a scene.
+
+        ``model``: the linear body that it is at small strains.
         """
         tagged = model.tagged
         rigid = replace(model.rigid, length=self.foundations.rigid_bodies.length)
@@ -562,7 +565,7 @@ class NonlinearBody(BodyOfForms):
 
     def _tractions(self) -> ContactState | None:
         """Return tractions of the last linear problem, else of the start of the step, in present
-        frames; None: there are none; collective.
+        frames; None if there are none; collective.
         """
         if self.solved is not None:
             return self.solved.state
@@ -599,7 +602,7 @@ class NonlinearBody(BodyOfForms):
 
     @property
     def last(self) -> State | None:
-        """The last solution of the step; None: there is none."""
+        """The last solution of the step, or None if there is none."""
         return None if self.solved is None else self.solved.new
 
     def bend(self, *, symmetric: bool = True) -> Bent:
@@ -636,8 +639,9 @@ class NonlinearBody(BodyOfForms):
         return Bent(hessians, curvature, relative, askew, state)
 
     def at_iterate(self, iterate: Iterate, *, keeps: bool = False) -> Linearised:
-        """Return the contact problem of an iteration where the body is; ``keeps``: with the
-        stiffness of the last one; collective.
+        """Return the contact problem of an iteration where the body is; collective.
+
+        ``keeps``: with the stiffness of the last one.
         """
         last = self.now
         self.now = None
@@ -698,7 +702,9 @@ class NonlinearBody(BodyOfForms):
         return self.now
 
     def _follows(self, rigid: RigidBodies) -> bool:
-        """Whether the matrix depends on where the body is, beside the tangent of its forms."""
+        """Return whether the matrix depends on where the body is, beside the tangent of its
+        forms.
+        """
         foundations = self.foundations
         return bool(
             any(entry.against is not None and not entry.bonded for entry in self.contact)
@@ -796,8 +802,8 @@ class NonlinearBody(BodyOfForms):
     def body_of(
         self, tangent: fem.Form, boundary: ContactBoundary, bent: Bent, **more: Any
     ) -> Model:
-        """The body of a tangent, with what turns; for the further arguments see ``elastic_body``;
-        collective.
+        """Return the body of a tangent, with what turns; for the further arguments see
+        ``elastic_body``; collective.
         """
         fits = bent.relative is not None and len(bent.relative[0]) == boundary.size
         more |= {"beside": bent.curvature, "relative": bent.relative if fits else None}
@@ -808,7 +814,7 @@ class NonlinearBody(BodyOfForms):
         )
 
     def _curved(self, bent: Bent) -> bool:
-        """Whether tractions that turn are in the tangent; collective."""
+        """Return whether tractions that turn are in the tangent; collective."""
         curved = bool(bent.curvature.nodes.size or bent.curvature.joint)
         return parallel.any_rank(self.space.mesh.comm, curved)
 
@@ -851,9 +857,9 @@ class NonlinearBody(BodyOfForms):
     def _far_points(
         self, iterate: Iterate, boundary: ContactBoundary, prescribed: tuple[Flags, Array]
     ) -> tuple[tuple[Flags, fem.Function] | None, Iterate]:
-        """Which points are farther from their shapes than an increment may bring them, shape (n,),
-        and the displacement of now; None: none is.  The dense matrix of a body in 3D on one rank
-        does without them; the next iteration has those that are inside of their shapes.
+        """Return which points are farther from their shapes than an increment may bring them, shape
+        (n,), and the displacement of now; None if none is.  The dense matrix of a body in 3D on one
+        rank does without them; the next iteration has those that are inside of their shapes.
         """
         state = iterate.bent.tractions if self.solved is None else self.solved.state
         values = self.at.x.array
@@ -959,7 +965,7 @@ class NonlinearBody(BodyOfForms):
         return self.solved
 
     def settled(self) -> Solved:
-        """The end of the last linear problem at the displacement of the nonlinear one, whose
+        """Return the end of the last linear problem at the displacement of the nonlinear one, whose
         residual has been judged.
         """
         last = self.last
@@ -1021,8 +1027,8 @@ class NonlinearBody(BodyOfForms):
         self.solved = replace(self.solved, state=state)
 
     def derivative_at(self, solved: Solved) -> tuple[Any, ...]:
-        """A solution with the derivative of its contact problem there, see ``SolvedStep.of``;
-        collective.
+        """Return a solution with the derivative of its contact problem there, see
+        ``SolvedStep.of``; collective.
         """
         self.begin = solved.linear.begin
         self.solved = solved
@@ -1054,8 +1060,11 @@ class NonlinearBody(BodyOfForms):
         self, solved: NonlinearBody | None = None, begun: State | None = None
     ) -> tuple[Any, ...]:
         """Minus the residual in place of the forms, with what supports prescribe, and the motion of
-        shapes at contact points in the step; ``solved``: a body where the problem of a solution has
-        been assembled, None: this one; ``begun``: the end of the last step; None: that here.
+        shapes at contact points in the step; None: that here.
+
+        Args:
+            solved: a body where the problem of a solution has been assembled, None: this one.
+            begun: the end of the last step.
         """
         kept = self.at.x.array.copy()
         at = self.at.x.array
@@ -1076,7 +1085,9 @@ class NonlinearBody(BodyOfForms):
     # --- what the verdict on stability asks for ---
 
     def sticks(self, state: ContactState) -> Flags:
-        """Which points friction has held, in contact or by a bound without it, shape (n,)."""
+        """Return which points friction has held, in contact or by a bound without it, shape
+        (n,).
+        """
         part = state.boundary.part
         rough = np.array(
             [entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool

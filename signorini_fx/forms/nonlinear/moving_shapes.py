@@ -54,11 +54,11 @@ class MovingShape:
         self._home, self.added = self.shape, np.zeros(len(self.x))
 
     def __call__(self, x: Array) -> Array:
-        """The linearised gap at the nodes, which are at x, shape (n,)."""
+        """Return the linearised gap at the nodes, which are at x, shape (n,)."""
         return self.projected()[0]
 
     def direction(self, x: Array) -> Array:
-        """The direction there, shape (d, n)."""
+        """Return the direction there, shape (d, n)."""
         return self.projected()[1].T
 
     @property
@@ -100,9 +100,9 @@ class MovingShape:
         )
 
     def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
-        """The linearised gap without what is added to it, length, shape (n,), and the direction to
-        the shape, unit vectors, shape (n, d), at the displaced nodes; of a shape that forces move
-        linear in all unknowns, if ``linear``.
+        """Return the linearised gap without what is added to it, length, shape (n,), and the
+        direction to the shape, unit vectors, shape (n, d), at the displaced nodes; of a shape that
+        forces move linear in all unknowns, if ``linear``.
         """
         u = self.u.x.array.reshape(-1, self.x.shape[1])[self.nodes]
         places = self.x + u
@@ -132,9 +132,9 @@ def hessians_at(
 
 
 def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True) -> Array:
-    """What the shapes add to the tangent as their normals turn with the displacement, at contact
-    tractions: forces of displacements of the points relative to shapes, force per length, shape (n,
-    d, d).
+    """Return what the shapes add to the tangent as their normals turn with the displacement, at
+    contact tractions: forces of displacements of the points relative to shapes, force per length,
+    shape (n, d, d).
 
     The force of a pressure lambda along the normal n turns by -lambda H d, with H the second
     derivatives of the distance; a shear m in the tangent plane turns by n (m . H d).  Where
@@ -151,8 +151,8 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
 
 
 def turning_of(state: ContactState, size: float) -> Array:
-    """What friction of sliding points in 3D does against displacements that turn their slip, in the
-    frames of the points, force per length, shape (n, d, d).
+    """Return what friction of sliding points in 3D does against displacements that turn their slip,
+    in the frames of the points, force per length, shape (n, d, d).
 
     The shear m turns with the slip s: a displacement d along the tangent plane and across s meets
     |m| / |s| d.  As a dead load it would twist rubber that is squeezed between rough plates.  A
@@ -189,8 +189,8 @@ def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Arra
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
-    """What part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s, length,
-    shape (n, d - 1).
+    """Return what part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s,
+    length, shape (n, d - 1).
 
     With M of ``turned_slips`` what is left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it
     is not taken below 1 + ``MOST_TURNED``.
@@ -201,9 +201,10 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
 
 
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
-    """The shape of a foundation, if it can meet a nonlinear body; ``turns``: whether forces may
-    turn it: not where the contact has a measure, or points that average.  In 3D components of
-    rotation vectors add up about one axis alone.
+    """Return the shape of a foundation, if it can meet a nonlinear body.
+
+    ``turns``: whether forces may turn it: not where the contact has a measure, or points that
+        average.  In 3D components of rotation vectors add up about one axis alone.
 
     Raises:
         FormError: it cannot.
@@ -254,8 +255,8 @@ class FiniteRigidMotion(RigidBodyMotion):
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: Flags) -> Array:
-        """Arms of the displaced points, from their displacement relative to the rigid body, r = X +
-        a - c - psi x a.
+        """Return arms of the displaced points, from their displacement relative to the rigid body,
+        r = X + a - c - psi x a.
         """
         boundary = contact.boundary
         axes = np.eye(self.reference.size)
@@ -298,8 +299,8 @@ class MovingRigidBodies(RigidBodies):
         return places
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
-        """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between
-        points and rigid bodies, see ``Model.relative``; collective.
+        """Return what tractions t of contact points and ``curvature``, C, shape (n, d, d), are
+        between points and rigid bodies, see ``Model.relative``; collective.
 
         They are forces of (r, L w), the displacement relative to the rigid body and its turn:
         normals meet r by C, tractions turn by w, and arms change by r + w x a.  The symmetric part

@@ -148,7 +148,7 @@ def newton(
 
 
 def least_increment(solved: Solved) -> float:
-    """Increments that may be round-off of the body, its places, or loose bodies, length;
+    """Return increments that may be round-off of the body, its places, or loose bodies, length;
     collective.
     """
     scales = solved.linear.elastic.scales
@@ -165,8 +165,8 @@ def line_search(
     *,
     search: bool,
 ) -> tuple[float, Array | None]:
-    """The share of an increment to take, and F there; 0 and None: there is no F however short it
-    is; collective.
+    """Return the share of an increment to take, and F there; 0 and None: there is no F however
+    short it is; collective.
 
     It is halved where F cannot be evaluated, by a FormError of ``Residual.at``, too, or where
     ``search`` and the slope of the energy along it has not become smaller; prescribed values must

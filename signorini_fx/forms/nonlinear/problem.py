@@ -74,7 +74,9 @@ if TYPE_CHECKING:
 def checked(
     F: ufl.Form, u: fem.Function, J: UflOrCompiled | None, contact: Sequence[Foundation | Pair]
 ) -> tuple[Foundation | Pair, ...]:
-    """The foundations and pairs; a FormError says that the arguments do not fit each other."""
+    """Return the foundations and pairs; a FormError says that the arguments do not fit each
+    other.
+    """
     problems = list[tuple[str, str]]()
     kept = 'give sliding = "small"'
     problems += [
@@ -364,7 +366,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return lowered(self._stated)
 
     def _errors_now(self, *, strain: bool) -> tuple[Array, Norms] | str:
-        """What each owned cell has of the squared relative error of the stress in L2, shape
+        """Return what each owned cell has of the squared relative error of the stress in L2, shape
         (cells,), or with ``strain`` also of that of the strain, shape (2, cells), and the norms of
         both; or why they are not known; collective.
         """
@@ -385,7 +387,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return np.array([shares, strains]), norms
 
     def _loaded(self) -> Indices:
-        """The exterior facets of this rank on which F has forces."""
+        """Return the exterior facets of this rank on which F has forces."""
         integrals = self._lowered.integrals_by_type("exterior_facet")
         mesh = self.u.function_space.mesh
         return np.concatenate(
@@ -518,7 +520,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
 
 def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, ...]:
-    """The last solution with its linearised problem, which is assembled there, see
+    """Return the last solution with its linearised problem, which is assembled there, see
     ``SolvedStep.of``; collective.
     """
     residual = body.evaluated

@@ -63,7 +63,7 @@ class KeptFunctions:
     functions: Mapping[str, fem.Function]
 
     def _dofs(self, name: str) -> tuple[Array, Indices]:
-        """The values of one, a row for each node, and the nodes of the owned cells."""
+        """Return the values of one, a row for each node, and the nodes of the owned cells."""
         space = self.functions[name].function_space
         topology = space.mesh.topology
         owned = topology.index_map(topology.dim).size_local
@@ -117,8 +117,8 @@ class Residual:
         return forces
 
     def at(self, values: Array) -> Array | None:
-        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is
-        not finite there, or cells are turned inside out; a FormError says that ``update`` has
+        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None if it
+        is not finite there, or cells are turned inside out; a FormError says that ``update`` has
         raised an exception; collective.
         """
         self.go_to(values)
@@ -145,8 +145,9 @@ class Residual:
             yield place, place + moved[: len(place)]
 
     def turns_over(self, before: Array) -> bool:
-        """Whether the way to ``u`` from other values turns a cell over: F of now times the inverse
-        of F there has an eigenvalue that is nearer to a half turn than to a quarter; collective.
+        """Return whether the way to ``u`` from other values turns a cell over: F of now times the
+        inverse of F there has an eigenvalue that is nearer to a half turn than to a quarter;
+        collective.
 
         No deformation that goes on from one to the other gets there if one is negative, but
         Newton's method does: two negative ones leave det F positive.
@@ -295,8 +296,8 @@ def derivative(F: ufl.Form, u: fem.Function, trial: Expr) -> ufl.Form:
 
 
 def is_derivative(form: fem.Form, residual: Residual, values: Array, free: Flags) -> bool:
-    """Whether the product of a bilinear form with random displacements is what F changes by at
-    values of ``u``, at owned ``free`` unknowns; collective.  Where a change leads across a yield
+    """Return whether the product of a bilinear form with random displacements is what F changes by
+    at values of ``u``, at owned ``free`` unknowns; collective.  Where a change leads across a yield
     surface, forces change otherwise ahead than behind: either is a derivative.
     """
     u = residual.u
@@ -326,8 +327,8 @@ def is_derivative(form: fem.Form, residual: Residual, values: Array, free: Flags
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
-    """A displacement that strains each cell by about this much, the same on any number of ranks
-    only in size.
+    """Return a displacement that strains each cell by about this much, the same on any number of
+    ranks only in size.
     """
     space = u.function_space
     direction = fem.Function(u.function_space)
@@ -347,7 +348,8 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
 
 
 def round_off(residual: Residual, forces: Array) -> Array:
-    """What round-off changes of F, shape (owned dofs,), which is ``forces`` at ``u``; collective.
+    """Return what round-off changes of F, shape (owned dofs,), which is ``forces`` at ``u``;
+    collective.
 
     It is measured: over a change that is large beside round-off, and small beside anything else, F
     is linear, so that its second difference is round-off of three evaluations. A residual that

@@ -101,9 +101,11 @@ def certified(
     lost: Array | None = None,
     tractions: Tractions | None = None,
 ) -> tuple[Certificate, ResidualMechanics]:
-    """The certificate of the displacement of now, where F is ``residual`` and its round-off
-    ``lost``, forces at the owned unknowns, and what it is of; ``solved``: the last iteration;
-    ``tractions``: else the solver's; collective.
+    """Return the certificate of the displacement of now, where F is ``residual`` and its round-off
+    ``lost``, forces at the owned unknowns, and what it is of; collective.
+
+    ``solved``: the last iteration.
+    ``tractions``: else the solver's.
     """
     body = solved.body
     linear = solved.linear
@@ -161,8 +163,8 @@ def _moved_with_corners(solved: Solved, boundary: ContactBoundary, before: Previ
 
 
 def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
-    """What holds at the contact points: distances and normals of shapes, and the maps of pairs, at
-    displaced points.
+    """Return what holds at the contact points: distances and normals of shapes, and the maps of
+    pairs, at displaced points.
     """
     body.slide()
     data = [*linear.data]
@@ -194,7 +196,11 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
 
 @dataclass(frozen=True)
 class SolvedBody(Report):
-    """A nonlinear body at the end of a load step; ``solved``: the last iteration."""
+    """A nonlinear body at the end of a load step.
+
+    Attributes:
+        solved: the last iteration.
+    """
 
     mechanics: NonlinearMechanics
     solved: Solved
@@ -273,8 +279,10 @@ class SolvedBody(Report):
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
     """What round-off may hide at the ends of load steps, where that is more than a certificate
-    allows; ``residual``: its name.  Steps with a small share of the farthest displacement are
-    round-off, as where a body is back at rest.
+    allows.
+
+    ``residual``: its name.  Steps with a small share of the farthest displacement are round-off, as
+        where a body is back at rest.
     """
     farthest = max((certificate.displacement for certificate in certificates), default=0.0)
     judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
@@ -331,9 +339,10 @@ def slid_past_partners(solved: Solved) -> Iterator[Finding]:
 def squared_errors(
     field: fem.Function, u: fem.Function, parts: Sequence[Indices]
 ) -> tuple[Array, float]:
-    """What each owned cell has of the squared error in L2 of a stress or a strain of ``stress_of``,
-    by its recovery, and the squared norm of it; ``parts``: cells of each material, local numbers,
-    ghosts included; collective.
+    """Return what each owned cell has of the squared error in L2 of a stress or a strain of
+    ``stress_of``, by its recovery, and the squared norm of it; collective.
+
+    ``parts``: cells of each material, local numbers, ghosts included.
     """
     stress = SimpleNamespace(
         displacement=u,
@@ -347,9 +356,9 @@ def squared_errors(
 
 
 def green_strain(u: fem.Function) -> ufl.Form:
-    """The work of Green's strain and grad v, with v a test function, of which ``stress_of`` finds
-    the strain as that of a stress: however the body is turned it is the same.  Displacements out of
-    a section have their gradient.
+    """Return the work of Green's strain and grad v, with v a test function, of which ``stress_of``
+    finds the strain as that of a stress: however the body is turned it is the same.  Displacements
+    out of a section have their gradient.
     """
     gradient = ufl.grad(u)
     rows, columns = gradient.ufl_shape
@@ -361,9 +370,9 @@ def green_strain(u: fem.Function) -> ufl.Form:
 
 
 def traction_left(body: NonlinearBody, loaded: Indices, field: fem.Function) -> Array:
-    """The squared traction, times h, that the stress P of ``stress_of`` leaves where there is none,
-    of each owned cell, see ``squared_residual``: off the contact, the ``loaded`` facets, and
-    components that are prescribed; collective.
+    """Return the squared traction, times h, that the stress P of ``stress_of`` leaves where there
+    is none, of each owned cell, see ``squared_residual``: off the contact, the ``loaded`` facets,
+    and components that are prescribed; collective.
     """
     space = body.space
     mesh = space.mesh

@@ -128,10 +128,12 @@ class EquilibriumSolver:
             self.solved = None
 
     def attempt(self, *, final: bool = True) -> str:
-        """Solve with the values of now; ``take`` makes it the last solution; ``final``: whether no
-        smaller step will be tried, so that a failure is asked why there may be no solution.
-        Returns why there is none, and what to do, with all but ``status`` as the last solution was;
-        "": there is one; collective.
+        """Solve with the values of now; ``take`` makes it the last solution; collective. Returns
+        why there is none, and what to do, with all but ``status`` as the last solution was.
+
+        Args:
+            final: whether no smaller step will be tried, so that a failure is asked why there may
+                be no solution; "": there is one.
         """
         body = self.body
         begin = body.at.x.array.copy()
@@ -195,8 +197,8 @@ class EquilibriumSolver:
         return self.cures.get(status, status.advice)
 
     def certify(self) -> Status:
-        """The verdict, but for stability, on the displacement of now, which an earlier run has
-        found; collective.
+        """Return the verdict, but for stability, on the displacement of now, which an earlier run
+        has found; collective.
         """
         self._since = self.body.begin
         values = self.body.at.x.array.copy()
@@ -204,7 +206,7 @@ class EquilibriumSolver:
         return self.verdict.status
 
     def _ended(self, phase: str, solve: Callable[[], Verdict]) -> Verdict:
-        """How something ends that may not be able to go on; collective."""
+        """Return how something ends that may not be able to go on; collective."""
         try:
             with self.timings.phase(phase):
                 return solve()
@@ -230,9 +232,12 @@ class EquilibriumSolver:
         return self.solved
 
     def before(self, status: Status, solves: int) -> SolvedBody | None:
-        """The body as it is, without contact, to be shown in place of a solution that there is not;
-        None: it cannot be evaluated; ``status``, ``solves``: how the search has ended, after how
-        many linear solves; collective.
+        """Return the body as it is, without contact, to be shown in place of a solution that there
+        is not; None if it cannot be evaluated; collective.
+
+        Args:
+            status: how the search for a solution has ended.
+            solves: after how many linear solves.
         """
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.body.evaluated.at(self.body.at.x.array.copy())) is None:
@@ -242,11 +247,11 @@ class EquilibriumSolver:
         return None
 
     def initial(self) -> State:
-        """The body before the first step, with what its material remembers then."""
+        """Return the body before the first step, with what its material remembers then."""
         return self._remembered(self.body.initial())
 
     def _remembered(self, state: State) -> State:
-        """A state with what the material remembers now."""
+        """Return a state with what the material remembers now."""
         if self.remembers is None:
             return state
         values = self.remembers.remembered()
@@ -254,9 +259,9 @@ class EquilibriumSolver:
         return replace(state, fields={**state.fields, **kept})
 
     def _beginning(self, values: Array) -> State:
-        """The state from which the way of a step counts: where the step begins, but where bodies
-        and shapes are now if the user has put the body elsewhere before the first one, ``values``
-        of u; collective.
+        """Return the state from which the way of a step counts: where the step begins, but where
+        bodies and shapes are now if the user has put the body elsewhere before the first one,
+        ``values`` of u; collective.
         """
         begin = self.body.begin
         comm = self.body.space.mesh.comm
@@ -345,8 +350,8 @@ class EquilibriumSolver:
         return solved.result.certificate if solved is not None and ended else None
 
     def _not_solved(self, solved: Solved) -> Verdict:
-        """How a solve ends whose linear contact problem has no solution, which proves little of the
-        body itself.
+        """Return how a solve ends whose linear contact problem has no solution, which proves little
+        of the body itself.
         """
         inner = solved.status
         if inner is Status.NOT_HELD or (inner is Status.OPEN and solved.loose):
@@ -362,8 +367,8 @@ class EquilibriumSolver:
         return Verdict(Status.NOT_SOLVED, inner.value)
 
     def _hidden(self, certificate: Certificate | None) -> bool:
-        """Whether round-off may be all that there is in the solution, unless the body has come back
-        to rest.
+        """Return whether round-off may be all that there is in the solution, unless the body has
+        come back to rest.
         """
         assert certificate is not None
         return (
@@ -372,7 +377,9 @@ class EquilibriumSolver:
         )
 
     def judge(self, residual: Array | None) -> Verdict:
-        """Whether an iterate is a solution, where F is ``residual``, evaluated last; collective."""
+        """Return whether an iterate is a solution, where F is ``residual``, evaluated last;
+        collective.
+        """
         if residual is None:
             return Verdict(Status.INVERTED)
         body = self.body

@@ -37,8 +37,8 @@ from signorini_fx.tuned import HOLDING_STIFFNESS, MOST_PLACES, NEGLIGIBLE, NO_FO
 
 
 def stable(solved: Solved) -> tuple[Status, str]:
-    """Whether an equilibrium is stable, by the derivative of F, and where instability begins,
-    in words; collective.
+    """Return whether an equilibrium is stable, by the derivative of F, and where instability
+    begins, in words; collective.
     """
     if _holds(solved):
         return Status.CONVERGED, ""
@@ -55,7 +55,7 @@ def stable(solved: Solved) -> tuple[Status, str]:
 
 
 def _holds(solved: Solved) -> bool:
-    """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
+    """Return whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
     collective.
     """
     system = solved.linear.task.system
@@ -86,9 +86,10 @@ def _inertia(solved: Solved) -> tuple[int, str] | None:
 
 
 def reason_for_none(body: NonlinearBody, before: Array, tried: Array | None = None) -> str:
-    """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values
-    of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
-    way is possible; collective.
+    """Why there may be no solution, at an iterate; empty: nothing says so; collective.
+
+    ``before``: values of ``u`` of the last solution.
+    ``tried``: of where the tangent leads to, if no part of the way is possible.
     """
     if body.now is None:  # there was no tangent
         return ""
@@ -111,7 +112,7 @@ def reason_for_none(body: NonlinearBody, before: Array, tried: Array | None = No
 
 
 def leads(body: NonlinearBody, values: Array) -> bool:
-    """Whether the tangent is the derivative of F at values of ``u``: others may lead away;
+    """Return whether the tangent is the derivative of F at values of ``u``: others may lead away;
     collective.  That of UFL does not see what a function of the user changes.
     """
     tangents = body.tangents
@@ -123,7 +124,7 @@ def leads(body: NonlinearBody, values: Array) -> bool:
 
 
 def _springs(solved: Solved) -> Array:
-    """What keeps points in contact and in place, whatever the units, force per length, shape
+    """Return what keeps points in contact and in place, whatever the units, force per length, shape
     (n, d, d).
     """
     state = solved.state
@@ -190,7 +191,7 @@ def largest_stiffness(elastic: Model) -> float:
 
 
 def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
-    """The number of negative eigenvalues of a symmetric matrix of a body, by one LDL^T
+    """Return the number of negative eigenvalues of a symmetric matrix of a body, by one LDL^T
     factorisation with MUMPS, and if there are any an unstable direction, shape (rows of this
     rank,); it is destroyed; collective.
     """
@@ -285,8 +286,8 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
 
 
 def _within(cells: BodyCells, places: Array, piece: Ints, at: Array, of_node: Array) -> Flags:
-    """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another
-    piece, shape (m,).
+    """Return which points, of the pieces ``of_node``, are in a cell of this rank that belongs to
+    another piece, shape (m,).
     """
     within = np.zeros(len(at), dtype=bool)
     corners = cells.corners(places)
@@ -306,8 +307,9 @@ def _within(cells: BodyCells, places: Array, piece: Ints, at: Array, of_node: Ar
 def _deepest(
     sides: FacingSides, at: Array, within: Flags, at_most: float, added: float
 ) -> InsideBody | None:
-    """The deepest node too deep in the other body, along the normal there; ``added``: to the
-    distance, length.
+    """Return the deepest node too deep in the other body, along the normal there.
+
+    ``added``: to the distance, length.
     """
     halves = np.split(np.arange(len(at)), [sides.slave.nodes.size])
     deepest = None

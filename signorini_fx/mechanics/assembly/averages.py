@@ -121,19 +121,21 @@ class Averages:
         return gap
 
     def any_of(self, flags: Flags) -> Flags:
-        """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""
+        """Return whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""
         return abs(self.shares) @ flags.astype(np.float64) > 0
 
 
 def averaging(space: fem.FunctionSpace) -> bool:
-    """Whether the contact points of displacements in a space average: on quadratic tetrahedra."""
+    """Return whether the contact points of displacements in a space average: on quadratic
+    tetrahedra.
+    """
     return (
         space.element.basix_element.degree == 2 and space.mesh.topology.cell_name() == "tetrahedron"
     )
 
 
 def from_owners(owned_rows: Array, nodes: Integers, comm: MPI.Comm) -> Array:
-    """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes;
+    """Return rows of ``owned_rows``, which has one per owned node, for global numbers of nodes;
     collective.
     """
     if comm.size == 1:
@@ -147,8 +149,8 @@ def from_owners(owned_rows: Array, nodes: Integers, comm: MPI.Comm) -> Array:
 
 
 def to_owners(values: Array, nodes: Integers, comm: MPI.Comm, owned: int) -> Array:
-    """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned,
-    k); collective.
+    """Return sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape
+    (owned, k); collective.
     """
     width = values.shape[1]
     sums = PETSc.Vec().createMPI((owned * width, None), bsize=width, comm=comm)

@@ -47,13 +47,13 @@ def forget_positions(space: fem.FunctionSpace) -> None:
 
 
 def compile_form(term: ufl.Form) -> fem.Form:
-    """A form, compiled, or a ``MachineError``; collective."""
+    """Return a form, compiled, or a ``MachineError``; collective."""
     with compiling():
         return fem.form(term)
 
 
 def stiffness_form(term: ufl.Form, dimension: int) -> fem.Form:
-    """A bilinear form on cells of this dimension, compiled for speed, see ``compile_form``;
+    """Return a bilinear form on cells of this dimension, compiled for speed, see ``compile_form``;
     collective.
     """
     if dimension < 3:
@@ -85,8 +85,8 @@ def facet_entities(mesh: dmesh.Mesh, facets: Indices) -> Indices:
 
 
 def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
-    """The heights of the cells above exterior facets, twice the way from the middle of one to that
-    of the other, length, shape (facets,).
+    """Return the heights of the cells above exterior facets, twice the way from the middle of one
+    to that of the other, length, shape (facets,).
     """
     dim = mesh.topology.dim
     cells = facet_cells(mesh, facets)
@@ -95,8 +95,8 @@ def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
 
 
 def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
-    """The mean of ``heights`` around each node of this rank, of facets of all ranks, length, shape
-    (nodes,); nan elsewhere; collective.
+    """Return the mean of ``heights`` around each node of this rank, of facets of all ranks, length,
+    shape (nodes,); nan elsewhere; collective.
     """
     nodes = facet_nodes(space, facets)
     each = np.repeat(heights(space.mesh, facets), nodes.shape[1])
@@ -109,7 +109,7 @@ def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
 
 
 def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
-    """The vertices of each facet, m of them, shape (facets, m, 3)."""
+    """Return the vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
         kind = getattr(basix.CellType, mesh.topology.cell_name())
         return np.empty((0, len(basix.topology(kind)[mesh.topology.dim - 1][0]), 3))
@@ -119,8 +119,8 @@ def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
 
 
 def facet_nodes(space: fem.FunctionSpace, facets: Indices) -> Indices:
-    """The nodes of exterior facets, all with as many, local numbers in the order of basix, shape
-    (facets, nodes).
+    """Return the nodes of exterior facets, all with as many, local numbers in the order of basix,
+    shape (facets, nodes).
     """
     layout = space.dofmap.dof_layout
     kind = getattr(basix.CellType, space.mesh.topology.cell_name())
@@ -133,7 +133,9 @@ def facet_nodes(space: fem.FunctionSpace, facets: Indices) -> Indices:
 
 
 def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
-    """Which nodes of this rank, ghosts included, any rank has named, shape (nodes,); collective."""
+    """Return which nodes of this rank, ghosts included, any rank has named, shape (nodes,);
+    collective.
+    """
     mark = la.vector(space.dofmap.index_map, 1, dtype=np.int32)
     mark.array[nodes] = 1
     mark.scatter_reverse(la.InsertMode.add)
@@ -155,7 +157,7 @@ def measure(
 
 
 def assemble(form: fem.Form) -> Array:
-    """A linear form, summed over the ranks, shape (owned dofs,); collective."""
+    """Return a linear form, summed over the ranks, shape (owned dofs,); collective."""
     return _summed(fem.assemble_vector(form))
 
 
@@ -171,7 +173,7 @@ def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: Indice
 
 
 def _summed(vector: la.Vector) -> Array:
-    """The owned entries of a vector, to which the other ranks add theirs; collective.
+    """Return the owned entries of a vector, to which the other ranks add theirs; collective.
 
     No vector of PETSc is made of it: dolfinx destroys such vectors when the garbage collector finds
     them, at another time on each rank, and one rank would wait in the duplication of a communicator
@@ -208,8 +210,8 @@ def shared_in(
 
 
 def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tuple[Flags, Array]:
-    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last
-    condition applies.
+    """Return which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the
+    last condition applies.
     """
     index_map = space.dofmap.index_map
     block = space.dofmap.index_map_bs
@@ -238,7 +240,7 @@ def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> i
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
-    """Whether all cells are quadrilaterals or hexahedra with affine maps; collective."""
+    """Return whether all cells are quadrilaterals or hexahedra with affine maps; collective."""
     if (
         mesh.topology.cell_name() not in ("quadrilateral", "hexahedron")
         or compat.geometry_degree(mesh) > 1

@@ -91,14 +91,14 @@ class NodalStiffness:
     def summed(
         cls, nodes: npt.NDArray[np.integer], blocks: Array, joint: tuple[JointStiffness, ...] = ()
     ) -> NodalStiffness:
-        """Blocks of contact points, of which a node may have several."""
+        """Return blocks of contact points, of which a node may have several."""
         each, position = np.unique(nodes, return_inverse=True)
         sums = np.zeros((each.size, *blocks.shape[1:]))
         np.add.at(sums, position, blocks)
         return cls(each.astype(np.int64), sums, joint)
 
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
-        """The forces of a displacement at the unknowns of this rank, shape (owned dofs,);
+        """Return the forces of a displacement at the unknowns of this rank, shape (owned dofs,);
         collective.
         """
         dim = self.blocks.shape[1]
@@ -136,8 +136,8 @@ class NodalStiffness:
 def block_stiffness(
     forms: Sequence[fem.Form], fixed: Flags, beside: NodalStiffness | None = None
 ) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what is
-    ``beside``; rows and columns of ``fixed`` unknowns of this rank are left out, and have the
+    """Return the matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what
+    is ``beside``; rows and columns of ``fixed`` unknowns of this rank are left out, and have the
     largest entry of the diagonal; collective.
     """
     from signorini_fx.algebra.linalg import kernels

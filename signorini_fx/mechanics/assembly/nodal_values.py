@@ -49,8 +49,8 @@ class NodalValues:
         components: int = 1,
         minimum: float = -np.inf,
     ) -> Array:
-        """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d), nan
-        where no facet is, or a ``FormError`` about the argument ``name``; collective.
+        """Return the values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes,
+        d), nan where no facet is, or a ``FormError`` about the argument ``name``; collective.
         """
         comm = self._space.mesh.comm
         error = None
@@ -87,8 +87,8 @@ class NodalValues:
     def _expression(
         self, value: Expr, components: int
     ) -> tuple[fem.Expression, fem.Function, Expr]:
-        """The compiled expression, and a Function of the displacements for it; the value stays with
-        them.
+        """Return the compiled expression, and a Function of the displacements for it; the value
+        stays with them.
         """
         compiled = self._compiled.get(id(value))
         if compiled is None:

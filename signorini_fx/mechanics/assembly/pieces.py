@@ -51,7 +51,9 @@ class BodyPieces:
         return int(self.cells.size)
 
     def called(self, piece: int) -> str:
-        """Which piece it is: a body by its name alone, any other piece with its size and extent."""
+        """Return which piece it is: a body by its name alone, any other piece with its size and
+        extent.
+        """
         bodies = self.bodies
         cells = int(self.cells[piece])
         if bodies and bodies.count(bodies[piece]) == 1:
@@ -79,8 +81,9 @@ class BodyPieces:
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
     def of_regions(self, comm: MPI.Comm, cells: Mapping[str, Indices]) -> BodyPieces:
-        """Return the same with the names of regions, if each piece is a whole region; ``cells``:
-        of each region those that this rank owns; collective.
+        """Return the same with the names of regions, if each piece is a whole region; collective.
+
+        ``cells``: of each region those that this rank owns.
         """
         counts = parallel.global_sum(
             comm,
@@ -109,15 +112,17 @@ class BodyPieces:
 
 
 def extent(bounds: npt.ArrayLike) -> str:
-    """The extent of something as text, from its smallest and largest coordinates, shape (2, d)."""
+    """Return the extent of something as text, from its smallest and largest coordinates, shape (2,
+    d).
+    """
     return ", ".join(
         f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds))
     )
 
 
 def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
-    """The connected pieces of a body, in the order of their smallest coordinates; a ``MeshError``
-    where there are more than ``MOST_PIECES``, or two share a vertex; collective.
+    """Return the connected pieces of a body, in the order of their smallest coordinates; a
+    ``MeshError`` where there are more than ``MOST_PIECES``, or two share a vertex; collective.
     """
     if mesh not in _known:
         _known[mesh] = _pieces_of(mesh)
@@ -180,8 +185,8 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def _local_components(topology: dmesh.Topology) -> tuple[Indices, Ints]:
-    """The sides of the cells of this rank, and a label for each of its cells: those that share a
-    side have the same.
+    """Return the sides of the cells of this rank, and a label for each of its cells: those that
+    share a side have the same.
     """
     sides = topology.connectivity(topology.dim, topology.dim - 1)
     side_map = topology.index_map(topology.dim - 1)
@@ -198,8 +203,8 @@ def _local_components(topology: dmesh.Topology) -> tuple[Indices, Ints]:
 
 
 def _labels_of(entities: Indices, labels: Ints, index_map: IndexMap) -> Ints:
-    """The label of a cell at each vertex or side (any of them, if there are several), -1 where
-    there is no cell.
+    """Return the label of a cell at each vertex or side (any of them, if there are several), -1
+    where there is no cell.
     """
     entity_labels = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
     entity_labels[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
@@ -207,7 +212,7 @@ def _labels_of(entities: Indices, labels: Ints, index_map: IndexMap) -> Ints:
 
 
 def _disagreements(labels: Ints, index_map: IndexMap) -> Ints:
-    """Ghosts to which this rank and their owner give different labels: (entity, own label,
+    """Return ghosts to which this rank and their owner give different labels: (entity, own label,
     owner's); collective.
     """
     vector = la.vector(index_map, 1, dtype=np.int64)

@@ -147,7 +147,7 @@ class TearingBonds(StepEffect):
             yield Finding(level, f"contact[{number}].cohesion", text)
 
     def _bond(self, contact: StepContact) -> Bond:
-        """The bonds at first: of points where both sides touch and the strength is not zero.
+        """Return the bonds at first: of points where both sides touch and the strength is not zero.
 
         Raises:
             SceneError: a parameter is not possible somewhere, or a contact has no bond.
@@ -191,7 +191,9 @@ class TearingBonds(StepEffect):
 
 
 def _begun(now: ContactState, ended: StepEnd) -> tuple[Bond, tuple[Array, Array]]:
-    """The bonds as the step began, and the displacements (tau_N y, slip of the step) at its end."""
+    """Return the bonds as the step began, and the displacements (tau_N y, slip of the step) at its
+    end.
+    """
     data = ended.model.data
     assert data is not None
     assert data.bond is not None

@@ -42,8 +42,10 @@ class Deformation:
 def deformation_of(
     body: Model, displacement: fem.Function, size: float, *, moves: bool = False
 ) -> Deformation:
-    """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell;
-    ``moves``: whether the mean displacement of each piece is none; collective.
+    """Return how much a displacement deforms a body of a size, from grad u at the midpoint of each
+    cell; collective.
+
+    ``moves``: whether the mean displacement of each piece is none.
     """
     pieces = body.motions.pieces
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
@@ -89,7 +91,7 @@ class CellSlopes:
         owned = slice(mesh.topology.index_map(self._dimension).size_local)
 
         def slopes(degree: int) -> Array:
-            """Derivatives of the scalar basis functions, shape (points, d, functions)."""
+            """Return derivatives of the scalar basis functions, shape (points, d, functions)."""
             element = compat.lagrange(cell, degree, basix.LagrangeVariant.equispaced)
             return np.asarray(element.tabulate(1, points)[1:, :, :, 0]).transpose(1, 0, 2).copy()
 
@@ -109,7 +111,10 @@ class CellSlopes:
 
     def along_reference(self, displacement: Array) -> Iterator[tuple[Array, Array]]:
         """Yield for each point the derivatives of places and of displacements, shape (d, d, cells),
-        the direction in the reference cell last; ``displacement``: its values, ghosts included.
+        the direction in the reference cell last.
+
+        Args:
+            displacement: its values, ghosts included.
         """
         dim = self._dimension
         components = self._mesh.geometry.dim

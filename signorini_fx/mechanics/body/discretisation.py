@@ -54,8 +54,9 @@ M = TypeVar("M", bound=Model)
 def prepare(
     statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0
 ) -> Model:
-    """Compile and assemble loads and contact boundaries, and find all errors; ``path_step``: place
-    in the lists of factors, at which foundations are, -1 before any has moved; collective.
+    """Compile and assemble loads and contact boundaries, and find all errors; collective.
+
+    ``path_step``: place in the lists of factors, at which foundations are, -1 before any has moved.
 
     Raises:
         SceneError: a file is not there on some rank; or with all errors that only the mesh reveals:
@@ -187,7 +188,9 @@ def _prepared(
 
 
 def _loaded(on: FormCoefficients, facets: dict[str, Indices], step: float) -> dict[str, Any]:
-    """The fields of a model that follow from loads and the supports of a place; collective."""
+    """Return the fields of a model that follow from loads and the supports of a place;
+    collective.
+    """
     supports = Supports.of(on.statement, on.space, facets, on.tagged, step)
     test = ufl.TestFunction(on.space)
     groups = load_groups(on.statement, on.statement.loads).items()
@@ -287,14 +290,15 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
 
 
 def placements(contacts: Sequence[Any]) -> tuple[Placement | None, ...]:
-    """How the foundation of each contact is shifted and turned; None: it has none that can be."""
+    """Return how the foundation of each contact is shifted and turned, or None if it has none that
+    can be.
+    """
     return tuple(getattr(contact.foundation, "placement", None) for contact in contacts)
 
 
 def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | None:
-    """How far foundations have moved at the contact points since they were placed in another way,
-    length, shape (n, d);
-    None: none moves.
+    """Return how far foundations have moved at the contact points since they were placed in another
+    way, length, shape (n, d); None: none moves.
     """
     boundary = model.boundary
     dimension = model.tagged.dimension
@@ -329,7 +333,7 @@ def _foundations(model: Model) -> Foundations:
 
 
 def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indices]:
-    """Facets of every boundary that the scene names; all missing and empty ones are reported
+    """Return facets of every boundary that the scene names; all missing and empty ones are reported
     together.
     """
     facets = {}
@@ -411,7 +415,7 @@ def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
 def _problems(
     path: str, value: Value | None, entry: Effect, tagged: TaggedMesh
 ) -> list[tuple[str, str]]:
-    """What is wrong with a value on this rank."""
+    """Return what is wrong with a value on this rank."""
     strains = isinstance(entry, InitialStrain)
     resists = isinstance(entry, Resistance)
     given = callable(value) and not isinstance(value, Expression)
@@ -449,8 +453,8 @@ def _values(entry: Effect) -> Iterator[tuple[str, Value | None]]:
 
 
 def _points_of(entry: Effect, tagged: TaggedMesh) -> Array:
-    """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh,
-    shape (3, n).
+    """Return nodes of the region of an entry, of its boundary with middles of facets, or of the
+    mesh, shape (3, n).
     """
     mesh = tagged.mesh
     boundary = getattr(entry, "boundary", None)

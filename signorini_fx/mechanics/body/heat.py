@@ -113,14 +113,14 @@ class PassedHeat:
         return cls(conductance, beyond, friction, share, to_points)
 
     def jump(self, values: Array) -> Array:
-        """The temperature of the side of the points less that of the other one, shape (n,), of
-        temperatures at the nodes of this rank; collective.
+        """Return the temperature of the side of the points less that of the other one, shape (n,),
+        of temperatures at the nodes of this rank; collective.
         """
         return self.map.of(values) - self.beyond
 
     def at_nodes(self, values: Array | None) -> Array:
-        """What contact brings to the owned nodes, power, shape (owned nodes,), at temperatures of
-        the nodes of this rank, None: at zero; collective.
+        """Return what contact brings to the owned nodes, power, shape (owned nodes,), at
+        temperatures of the nodes of this rank, None: at zero; collective.
         """
         apart = -self.beyond if values is None else self.jump(values)
         other = (1.0 - self.share) * self.friction
@@ -171,7 +171,9 @@ class Conductor:
             return sum(films, inside(value))
 
         def brought(entry: Heat, film: Expr) -> Expr:
-            """The power that an entry brings per area or volume, at a temperature at its film."""
+            """Return the power that an entry brings per area or volume, at a temperature at its
+            film.
+            """
             if entry.film is not None:
                 return on.value(entry.film) * (on.value(entry.ambient) - film)
             return on.value_in(entry.region, entry.flux if entry.source is None else entry.source)
@@ -210,7 +212,9 @@ class Conductor:
         return int(self.space.dofmap.index_map.size_local)
 
     def nodes_of(self, entry: Heat | InitialTemperature) -> Ints:
-        """The nodes of this rank on the boundary of an entry, or in its region; collective."""
+        """Return the nodes of this rank on the boundary of an entry, or in its region;
+        collective.
+        """
         if entry.where is not None:
             nodes = facet_nodes(self.space, self.model.tagged.facets(entry.where))
         else:
@@ -218,8 +222,8 @@ class Conductor:
         return np.flatnonzero(marked_nodes(self.space, np.asarray(nodes).ravel()))
 
     def prescribed(self, time: float) -> tuple[Array, Ints]:
-        """The prescribed temperatures at nodes of this rank, and the number of the entry that
-        prescribes each, -1: none does, shape (nodes,); collective.
+        """Return the prescribed temperatures at nodes of this rank, and the number of the entry
+        that prescribes each, -1: none does, shape (nodes,); collective.
         """
         x = node_positions(self.space).T
         values = np.zeros(x.shape[1])
@@ -232,7 +236,7 @@ class Conductor:
         return values, by
 
     def first(self) -> Array:
-        """The temperature before the first step, at the nodes of this rank, shape (nodes,);
+        """Return the temperature before the first step, at the nodes of this rank, shape (nodes,);
         collective.
         """
         x = node_positions(self.space).T
@@ -338,8 +342,8 @@ class Conductor:
     # --- what decides a temperature ---
 
     def _determined(self, passed: PassedHeat | None, held: Flags) -> Flags:
-        """Which pieces of the body have a temperature that something decides, shape (pieces,);
-        collective.
+        """Return which pieces of the body have a temperature that something decides, shape
+        (pieces,); collective.
         """
         pieces = self.model.pieces
         if self.stores:
@@ -366,7 +370,7 @@ class Conductor:
         return np.asarray(part[:-1] == part[-1])
 
     def _of_pieces(self, chosen: Flags) -> Flags:
-        """Which owned nodes are those of some pieces, shape (owned nodes,)."""
+        """Return which owned nodes are those of some pieces, shape (owned nodes,)."""
         nodes = self.space.dofmap.list[chosen[self.model.pieces.of_cell]]
         return np.asarray(np.isin(np.arange(self.owned), nodes))
 
@@ -381,22 +385,22 @@ class Conductor:
 
 
 def _temperature(model: Model, state: State, name: str = "temperature") -> Array:
-    """A temperature of a state by the name of its field, or where it has none that before the first
-    step, shape (nodes,); collective.
+    """Return a temperature of a state by the name of its field, or where it has none that before
+    the first step, shape (nodes,); collective.
     """
     known = state.fields.get(name)
     return Conductor.of(model).first() if known is None else known.values.ravel()
 
 
 def _used(model: Model, state: State) -> Array:
-    """The temperature that strains the body in a step from a state where contact decides it, shape
-    (nodes,).
+    """Return the temperature that strains the body in a step from a state where contact decides it,
+    shape (nodes,).
     """
     return _temperature(model, state, "heating" if "heating" in state.fields else "temperature")
 
 
 def _before(model: Model, state: State, time: float) -> Before | None:
-    """What the step from a state to a time begins with; None: it is a steady one."""
+    """Return what the step from a state to a time begins with, or None if it is a steady one."""
     if not Conductor.of(model).stores:
         return None
     return _temperature(model, state), time - state.time
@@ -418,7 +422,7 @@ class Conduction(StepEffect):
 
     @staticmethod
     def _turns(model: Model) -> bool:
-        """Whether contact decides the temperature."""
+        """Return whether contact decides the temperature."""
         return any(
             entry.conductance is not None or entry.friction_heat is not None
             for entry in model.contacts
@@ -454,7 +458,7 @@ class Conduction(StepEffect):
         return {"temperature": Conductor.of(model).solved(None, time, _before(model, state, time))}
 
     def _found(self, state: State, new: State, ended: StepEnd) -> Array:
-        """The temperature that a step leads to, shape (nodes,)."""
+        """Return the temperature that a step leads to, shape (nodes,)."""
         before = _before(ended.model, state, new.time)
         return Conductor.of(ended.model).solved(self._passed(new, ended), new.time, before)
 

@@ -309,8 +309,8 @@ class MidpointRule(StepEffect):
 
     @staticmethod
     def _persistent(contact: StepContact, state: State, dt: float) -> StepContact:
-        """What holds for the displacement of the end: points that are pressed stay as deep inside
-        as they are, others where the old velocity would bring them in half a step.
+        """Return what holds for the displacement of the end: points that are pressed stay as deep
+        inside as they are, others where the old velocity would bring them in half a step.
         """
         model = contact.model
         data = contact.data
@@ -455,7 +455,7 @@ class MidpointRule(StepEffect):
 
     @staticmethod
     def _contact_work(state: State, new: State, ended: StepEnd) -> tuple[float, float]:
-        """What contact takes from the body, by pressure and shear, and by pressure alone."""
+        """Return what contact takes from the body, by pressure and shear, and by pressure alone."""
         contact = ended.contact
         if contact is None:
             return 0.0, 0.0
@@ -473,7 +473,7 @@ class MidpointRule(StepEffect):
 
     @staticmethod
     def _support_work(step: Array, ended: StepEnd) -> float:
-        """The work of supports on the owned dofs as they move."""
+        """Return the work of supports on the owned dofs as they move."""
         model = ended.model
 
         def held(values: Array) -> Array:
@@ -490,7 +490,7 @@ class MidpointRule(StepEffect):
 
 
 def density_of(given: Expr | ufl.Form | float, space: fem.FunctionSpace) -> Expr | ufl.Form:
-    """A density, or a form of the mass, as forms give it.
+    """Return a density, or a form of the mass, as forms give it.
 
     Raises:
         FormError: it is neither.
@@ -510,7 +510,7 @@ def density_of(given: Expr | ufl.Form | float, space: fem.FunctionSpace) -> Expr
 
 
 def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
-    """The compiled form of the mass times a factor; collective."""
+    """Return the compiled form of the mass times a factor; collective."""
     space = model.space
     assert model.density is not None
     scale = fem.Constant(space.mesh, default_scalar_type(1.0 if factor is None else factor))
@@ -518,7 +518,7 @@ def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
 
 
 def _mass_of(density: Expr | ufl.Form, space: fem.FunctionSpace) -> ufl.Form:
-    """The form of the mass in UFL, of a density or itself."""
+    """Return the form of the mass in UFL, of a density or itself."""
     if isinstance(density, ufl.Form):
         return density
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -527,7 +527,7 @@ def _mass_of(density: Expr | ufl.Form, space: fem.FunctionSpace) -> ufl.Form:
 
 
 def _mass(model: Model) -> tuple[fem.Form, PETSc.Mat]:
-    """The form and the matrix of the mass, made once; collective."""
+    """Return the form and the matrix of the mass, made once; collective."""
     if "mass" not in model.of_mesh:
         form = _mass_form(model)
         model.of_mesh["mass"] = form, sum_of([form], [])
@@ -536,12 +536,12 @@ def _mass(model: Model) -> tuple[fem.Form, PETSc.Mat]:
 
 
 def _times(matrix: PETSc.Mat, values: Array) -> Array:
-    """A matrix times values at the dofs of this rank, shape (owned dofs,)."""
+    """Return a matrix times values at the dofs of this rank, shape (owned dofs,)."""
     return np.array((matrix * vector_like(matrix, values)).getArray(readonly=True))
 
 
 def _action(form: fem.Form, space: fem.FunctionSpace, values: Array) -> Array:
-    """A form at values at the dofs of this rank, shape (owned dofs,); collective."""
+    """Return a form at values at the dofs of this rank, shape (owned dofs,); collective."""
     function = fem.Function(space)
     function.x.array[:] = values
     nodes = np.arange(values.size // space.dofmap.index_map_bs, dtype=np.int32)
@@ -549,20 +549,20 @@ def _action(form: fem.Form, space: fem.FunctionSpace, values: Array) -> Array:
 
 
 def _kinetic(model: Model, velocity: Array) -> float:
-    """The kinetic energy; collective."""
+    """Return the kinetic energy; collective."""
     _, matrix = _mass(model)
     return 0.5 * _sum(model, _times(matrix, velocity) @ velocity[: model.fixed.size])
 
 
 def _energies(state: State) -> Array:
-    """The largest energy so far, and the energy of the strains of a nonlinear body."""
+    """Return the largest energy so far, and the energy of the strains of a nonlinear body."""
     earlier = state.fields.get("energy")
     return np.zeros(2) if earlier is None else earlier.values.astype(np.float64)
 
 
 def _strain_work(ended: StepEnd, begin: Array, end: Array) -> float:
-    """The work of the forces of a nonlinear body from one displacement to another, an energy where
-    they have one; collective.
+    """Return the work of the forces of a nonlinear body from one displacement to another, an energy
+    where they have one; collective.
     """
     assert ended.internal is not None
     way = end - begin
@@ -572,12 +572,12 @@ def _strain_work(ended: StepEnd, begin: Array, end: Array) -> float:
 
 
 def _velocity(state: State) -> Array:
-    """The velocities of the dofs of this rank, ghosts included, shape (dofs,)."""
+    """Return the velocities of the dofs of this rank, ghosts included, shape (dofs,)."""
     return state.fields["velocity"].values.ravel()
 
 
 def _with_ghosts(model: Model, owned: Array) -> Array:
-    """Values at all dofs of this rank from those that it owns; collective."""
+    """Return values at all dofs of this rank from those that it owns; collective."""
     function = fem.Function(model.space)
     function.x.array[: owned.size] = owned
     function.x.scatter_forward()
@@ -596,8 +596,8 @@ def _aim(state: State, dt: float) -> Array:
 
 
 def _half_change(forces: Array | float, state: State) -> Array | float:
-    """What loads at the end of a step are more than in its middle, shape (owned dofs,), or 0 where
-    there are none.
+    """Return what loads at the end of a step are more than in its middle, shape (owned dofs,), or 0
+    where there are none.
     """
     earlier = state.fields.get("load")
     if earlier is None:
@@ -606,15 +606,15 @@ def _half_change(forces: Array | float, state: State) -> Array | float:
 
 
 def _velocities_of(state: State, ended: StepEnd) -> tuple[Array, Array]:
-    """The mean velocity of a step, and that at its end if nothing holds, shapes (dofs,)."""
+    """Return the mean velocity of a step, and that at its end if nothing holds, shapes (dofs,)."""
     way = ended.solved - state.displacement
     mean = np.asarray((2.0 if ended.internal is None else 1.0) * way / ended.dt)
     return mean, 2.0 * mean - _velocity(state)
 
 
 def _held_change(model: Model, new: State, change: Array) -> Array:
-    """The part of changes of dofs, ghosts included, in directions that supports prescribe, or where
-    a point sticks to a foundation; collective.
+    """Return the part of changes of dofs, ghosts included, in directions that supports prescribe,
+    or where a point sticks to a foundation; collective.
     """
     along = model.vector(change)
     along.getArray()[: model.fixed.size][~model.fixed] = 0.0
@@ -639,7 +639,7 @@ def _held_change(model: Model, new: State, change: Array) -> Array:
 
 
 def _with_masses(model: Model, factor: float) -> Model:
-    """A body whose rigid ones have springs of a factor times their masses."""
+    """Return a body whose rigid ones have springs of a factor times their masses."""
     rigid = model.rigid
     boundary = model.boundary
     if not rigid.bodies or boundary is None or boundary.moving is None:

@@ -56,8 +56,8 @@ def at_rest(statement: Statement) -> Statement:
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
-    """Quadrature degree of the part of the volume; None: it is not reduced; a ``SceneError`` where
-    it cannot be.
+    """Quadrature degree of the part of the volume, or None if it is not reduced; a ``SceneError``
+    where it cannot be.
     """
     if not all(material.splits for material in statement.material):
         return None
@@ -66,7 +66,7 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
 
 
 def cells_of(material: Material, tagged: TaggedMesh) -> Indices:
-    """The cells of a material that this rank owns, ascending."""
+    """Return the cells of a material that this rank owns, ascending."""
     cells = tagged.cells(material.region)
     return np.sort(
         cells[cells < tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local]
@@ -111,8 +111,8 @@ class MaterialPoints:
         return _components(self.material, measured, [self.of[pair] for pair in self.pairs])
 
     def response(self) -> tuple[Array, Array, Array]:
-        """What the material says at the displacement of now, see ``PathDependent.respond``, of
-        finite strains ``respond_by_change``, n = c q.
+        """Return what the material says at the displacement of now, see ``PathDependent.respond``,
+        of finite strains ``respond_by_change``, n = c q.
         """
         material = self.material.at_time(self.time)
         state = self.begun.reshape(-1, self.begun.shape[-1])
@@ -122,7 +122,7 @@ class MaterialPoints:
         return material.respond(tensors(values / [1, 1, 1, 2, 2, 2], PAIRS), state)
 
     def _strain(self) -> Array:
-        """The strain of now, shape (n, components)."""
+        """Return the strain of now, shape (n, components)."""
         values = self.strain.eval(self.stress.function_space.mesh, self.cells)
         return np.asarray(values).reshape(-1, len(self.of))
 
@@ -174,8 +174,8 @@ class BodyResidual:
             state.commit()
 
     def remembered(self) -> dict[str, Array]:
-        """What materials remember of the last load step, zero in cells of others, shape (cells, q,
-        numbers), by name.
+        """Return what materials remember of the last load step, zero in cells of others, shape
+        (cells, q, numbers), by name.
         """
         if not self.points:
             return {}
@@ -275,7 +275,8 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
 
 
 def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Expr, Expr]:
-    """Grad u of the shape and of the volume, each at the points of its rule, UFL, shape (3, 3);
+    """Grad u of the shape and of the volume, each at the points of its rule, UFL, shape (3, 3).
+
     ``reduced``: see ``volume_degree``.
     """
     gradient = kinematics.gradient(u)
@@ -285,8 +286,10 @@ def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Exp
 def stress_parts(
     material: Hyperelastic | PathDependent, gradients_of_u: tuple[Expr, Expr], free: Expr | None
 ) -> list[Expr | None]:
-    """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL,
-    shape (3, 3); None: it is zero, or that of a state; ``free``: see ``BodyResidual``.
+    """Return the Cauchy stress in 3D of the shape, and of the volume, at small strains the stress,
+    UFL, shape (3, 3); None if it is zero, or that of a state.
+
+    ``free``: see ``BodyResidual``.
     """
     unit = ufl.Identity(3)
     if not material.finite:
@@ -304,7 +307,7 @@ def stress_parts(
 
 
 def _elastic(strain: Expr, free: Expr | None) -> Expr:
-    """A small strain without the free one, UFL."""
+    """Return a small strain without the free one, UFL."""
     return strain if free is None else strain - free * ufl.Identity(3)
 
 
@@ -314,7 +317,7 @@ def _measured(material: NonlinearMaterial, kinematics: Kinematics, u: Expr) -> E
 
 
 def _components(material: NonlinearMaterial, measured: Expr, pairs: list[tuple[int, int]]) -> Expr:
-    """The components of ``_measured``, UFL."""
+    """Return the components of ``_measured``, UFL."""
     if material.finite:
         return ufl.as_vector([measured[pair] for pair in pairs])
     return components(measured, pairs)
@@ -323,8 +326,8 @@ def _components(material: NonlinearMaterial, measured: Expr, pairs: list[tuple[i
 def _energies(
     material: Hyperelastic | PathDependent, changes: Sequence[Expr], free: Expr | None
 ) -> list[Expr | None]:
-    """The energy of the shape, and that of the volume, per undeformed volume, each from its grad u,
-    UFL; None: it is that of a state, or not apart.
+    """Return the energy of the shape, and that of the volume, per undeformed volume, each from its
+    grad u, UFL; None if it is that of a state, or not apart.
     """
     expanded = 1
     if free is not None:
@@ -346,7 +349,10 @@ def _points(
     free: Expr | None,
     degree: int,
 ) -> MaterialPoints:
-    """The points of one material; ``free``: see ``BodyResidual``; collective."""
+    """Return the points of one material; collective.
+
+    ``free``: see ``BodyResidual``.
+    """
     mesh = u.function_space.mesh
     name = mesh.topology.cell_name()
     worked = set(kinematics.pairs)

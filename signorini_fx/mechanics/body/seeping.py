@@ -72,7 +72,7 @@ class SeepingFluids(StepEffect):
         return AddedForces(none, total, prescribed, none, none[:, 0], named=named)
 
     def _forces(self, model: Model, state: State, dt: float) -> dict[int, Array]:
-        """The forces of each fluid on the owned nodes, shape (owned dofs,); collective."""
+        """Return the forces of each fluid on the owned nodes, shape (owned dofs,); collective."""
         boundary = model.boundary
         assert boundary is not None
         averages = boundary.averages
@@ -87,7 +87,9 @@ class SeepingFluids(StepEffect):
         return forces
 
     def _pressure(self, boundary: ContactBoundary, time: float) -> Array:
-        """The pressure that a fluid has at each point that it reaches, stress, shape (n,)."""
+        """Return the pressure that a fluid has at each point that it reaches, stress, shape
+        (n,).
+        """
         pressure = np.zeros(boundary.size)
         for number, part in self.parts.items():
             on = boundary.part == number
@@ -105,7 +107,7 @@ class SeepingFluids(StepEffect):
         return iter(())
 
     def _at_side(self, model: Model, boundary: ContactBoundary) -> Flags:
-        """Which points are on the side of their fluid, shape (n,); collective.
+        """Return which points are on the side of their fluid, shape (n,); collective.
 
         Raises:
             SceneError: a contact has none.
@@ -124,7 +126,7 @@ class SeepingFluids(StepEffect):
         return at_side
 
     def _reached(self, ended: StepEnd) -> Flags:
-        """Which points are open and connected with the side of their fluid, shape (n,);
+        """Return which points are open and connected with the side of their fluid, shape (n,);
         collective.
         """
         contact = ended.contact
@@ -205,6 +207,6 @@ class SeepingFluids(StepEffect):
 
 
 def _wet(boundary: ContactBoundary, state: State) -> Flags:
-    """Which points a fluid reaches in a step from a state, shape (n,)."""
+    """Return which points a fluid reaches in a step from a state, shape (n,)."""
     wet = state.fields.get("wet")
     return np.zeros(boundary.size, dtype=bool) if wet is None else wet.values.ravel() > 0

@@ -86,8 +86,8 @@ class Wear(StepEffect):
         return again if unsettled > _SETTLED else None
 
     def _again(self, state: State, new: State, ended: StepEnd) -> tuple[State, float]:
-        """The state with the slip that the contact has in a step, where it decides how much is
-        worn, and by which share of the deepest wear of the step that changes it; collective.
+        """Return the state with the slip that the contact has in a step, where it decides how much
+        is worn, and by which share of the deepest wear of the step that changes it; collective.
         """
         own = [number for number, part in self.parts.items() if part.distance is None]
         contact = ended.contact
@@ -246,12 +246,14 @@ def _check(boundary: ContactBoundary, values: Array, path: str, wrong: str) -> N
 
 
 def _with_slip(state: State, slip: Array) -> State:
-    """A state with the slip of the contact points, which that before the first step has, too."""
+    """Return a state with the slip of the contact points, which that before the first step has,
+    too.
+    """
     return replace(state, fields={**state.fields, "sliding": Field("points", slip)})
 
 
 def _heights(boundary: ContactBoundary, number: int) -> Array:
-    """The heights of the cells at the points of a contact, length, shape (its points,);
+    """Return the heights of the cells at the points of a contact, length, shape (its points,);
     collective.
     """
     space, facets = next(each[:2] for each in boundary.surface if each[2] == number)

@@ -348,8 +348,9 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
 def unit_contact_form(
     space: fem.FunctionSpace, facets: Indices, factor: Expr | None = None
 ) -> fem.Form:
-    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the
-    surface measure.
+    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals.
+
+    ``factor``: of the surface measure.
     """
     mesh = space.mesh
     degree = space.element.basix_element.degree
@@ -387,7 +388,9 @@ def contact_part(
     index: int,
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
-    """The contact boundary of one foundation or pair from its ``points``, see ``nodal_points``."""
+    """Return the contact boundary of one foundation or pair from its ``points``, see
+    ``nodal_points``.
+    """
     dim = space.mesh.geometry.dim
     nodes, weight, normal = points
     return ContactBoundary(
@@ -409,7 +412,7 @@ def contact_part(
 
 
 def no_points(space: fem.FunctionSpace) -> ContactBoundary:
-    """The contact boundary of a body without contact."""
+    """Return the contact boundary of a body without contact."""
     dim = space.mesh.geometry.dim
     nowhere = np.zeros(0, dtype=np.int32)
     x = np.zeros((0, dim))
@@ -418,7 +421,7 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
 
 
 def segments_of(space: fem.FunctionSpace, facets: Indices, part: int) -> Ints:
-    """The segments of one part of a contact boundary."""
+    """Return the segments of one part of a contact boundary."""
     side = space.mesh.topology.dim - 1
     local_nodes = facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
@@ -437,10 +440,11 @@ def contact_map(
     rotation: PETSc.Mat | None,
     behind: int = 0,
 ) -> ContactMap:
-    """B from the unknowns of the stiffness, of which some are ``fixed``; ``rotation``: Q, where
-    displacements are
-    y = Q x, None: they are x; ``behind``: how many unknowns, which no point reaches, stand behind
-    those of foundations that move; collective.
+    """B from the unknowns of the stiffness, of which some are ``fixed``; collective.
+
+    ``rotation``: Q, where displacements are y = Q x, None: they are x.
+    ``behind``: how many unknowns, which no point reaches, stand behind those of foundations that
+        move.
     """
     columns, total = (matrix if rotation is None else rotation).getSizes()[0]
     count, dim = boundary.x.shape
@@ -482,8 +486,8 @@ def contact_map(
 
 
 def block_diagonal(operator: PETSc.Mat, blocks: Array) -> PETSc.Mat:
-    """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator;
-    collective.
+    """Return the matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an
+    operator; collective.
     """
     rows = operator.getSizes()[0]
     first = operator.getOwnershipRange()[0]

@@ -30,7 +30,7 @@ class ContactState(PointState):
 
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:
-        """A state at the points of a boundary."""
+        """Return a state at the points of a boundary."""
         return cls(
             **{one.name: getattr(state, one.name) for one in fields(state)}, boundary=boundary
         )

@@ -53,7 +53,7 @@ class ContactTable:
         return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
 
     def _repr_html_(self) -> str:
-        """A table for notebooks: the first rows, without round-off in positions."""
+        """Return a table for notebooks: the first rows, without round-off in positions."""
         x = [self.columns[axis] for axis in "xyz" if axis in self.columns]
         extent = max((float(np.ptp(column)) for column in x if column.size), default=0.0)
         first = {name: column[:_SHOWN_ROWS].tolist() for name, column in self.columns.items()}
@@ -96,8 +96,8 @@ class ContactTable:
         return s
 
     def unrolled(self, path: Ints) -> tuple[Ints, Array, slice]:
-        """Rows and arc length along one of ``paths``, and which of the intervals between them are
-        its own.
+        """Return rows and arc length along one of ``paths``, and which of the intervals between
+        them are its own.
 
         A closed path goes round three times, so that the round in the middle has no ends.
         """
@@ -109,7 +109,8 @@ class ContactTable:
         return rows, np.concatenate((s[:-1] - s[-1], s[:-1], s + s[-1])), slice(count, 2 * count)
 
     def zones(self, mask: Flags) -> list[list[list[float]]]:
-        """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point].
+        """Return runs of neighbouring nodes where ``mask`` holds, each as [first point, last
+        point].
 
         A run across the first row of a closed piece is one; one all around goes from the first row
         to the last.
@@ -132,7 +133,7 @@ class ContactTable:
 
 
 def is_closed(path: Ints) -> bool:
-    """Whether a path of rows ends where it began."""
+    """Return whether a path of rows ends where it began."""
     return path.size > 1 and bool(path[0] == path[-1])
 
 
@@ -268,7 +269,9 @@ def _rows_of(numbers: Ints, segments: Ints) -> Ints:
 
 
 def _components(name: str, vectors: Array) -> dict[str, Array]:
-    """Values as columns: themselves; of tangential vectors in 3D their lengths and components."""
+    """Return values as columns: themselves; of tangential vectors in 3D their lengths and
+    components.
+    """
     if vectors.shape[1] == 1:
         return {name: vectors[:, 0]}
     return {

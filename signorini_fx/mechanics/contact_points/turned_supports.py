@@ -55,9 +55,10 @@ class TurnedNodes:
 
     @classmethod
     def of(cls, supports: Sequence[SkewSupport], axes: Ints) -> TurnedNodes:
-        """The frames of all nodes with skew supports, of which there is one; ``axes``: position in
-        ``scene.displacement`` of the support that prescribes each component, -1 where none does,
-        ghosts included, shape (nodes, d).
+        """Return the frames of all nodes with skew supports, of which there is one.
+
+        ``axes``: position in ``scene.displacement`` of the support that prescribes each component,
+            -1 where none does, ghosts included, shape (nodes, d).
         """
         dim = axes.shape[1]
         nodes = np.unique(np.concatenate([support.nodes for support in supports]))
@@ -87,7 +88,9 @@ class TurnedNodes:
         y[self.nodes] = matvec(self.from_given, given[self.nodes])
 
     def frames_at(self, nodes: Integers) -> Array:
-        """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
+        """Return the frame of each of some nodes, the axes where it is not turned, shape (n, d,
+        d).
+        """
         frames = np.tile(np.eye(self.frames.shape[1]), (len(nodes), 1, 1))
         turned = np.isin(nodes, self.nodes)
         frames[turned] = self.frames[np.searchsorted(self.nodes, nodes[turned])]
@@ -95,8 +98,8 @@ class TurnedNodes:
 
 
 def _frame(directions: Array, prescribes: Ints) -> tuple[Array, int, Array]:
-    """The frame of a node, how many components are prescribed, and its motion: later supports apply
-    before earlier.
+    """Return the frame of a node, how many components are prescribed, and its motion: later
+    supports apply before earlier.
     """
     identity = np.eye(len(directions))
     free = np.eye(directions.shape[1])

@@ -57,7 +57,7 @@ def law_by_speed(name: str) -> type[FrictionLaw]:
 
 
 def _law(entry: object, kinds: ValidatorFunctionWrapHandler) -> FrictionLaw:
-    """A friction law from a table; itself if it is one."""
+    """Return a friction law from a table; itself if it is one."""
     if isinstance(entry, FrictionLaw):
         return entry
     name = entry.get("law") if isinstance(entry, Mapping) else None
@@ -198,7 +198,9 @@ class Contact(Effect):
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:
-        """A scene evaluates the parameters of friction at points, where forms may take UFL."""
+        """Return a scene evaluates the parameters of friction at points, where forms may take
+        UFL.
+        """
         wrong = [
             (("friction",), f"{key}: {not_at_points(value)}")
             for key, value in self.friction

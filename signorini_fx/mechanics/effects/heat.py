@@ -204,7 +204,7 @@ class Conductance(_HeatOfContact):
     @model_validator(mode="before")
     @classmethod
     def _short(cls, entry: object) -> object:
-        """A number is that of closed contact, and a list a table."""
+        """Return a number is that of closed contact, and a list a table."""
         if isinstance(entry, int | float) and not isinstance(entry, bool):
             return {"closed": entry}
         return {"table": entry} if isinstance(entry, list | tuple) else entry

@@ -518,8 +518,8 @@ class PointValues:
     file: Path
 
     def __call__(self, x: Array) -> Array:
-        """Values at points of shape (3, n), shape (n,); a ``SceneError`` outside of the hull of
-        those of the file.
+        """Return values at points of shape (3, n), shape (n,); a ``SceneError`` outside of the hull
+        of those of the file.
         """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         middle, function = _read_table(self.file, changed)
@@ -538,7 +538,7 @@ class PointValues:
 
 @lru_cache(maxsize=8)
 def _read_table(file: Path, _changed: int) -> tuple[Array, Callable[[Array], Array]]:
-    """The middle of the points, shape (d,), and the interpolation."""
+    """Return the middle of the points, shape (d,), and the interpolation."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
@@ -551,7 +551,7 @@ def _read_table(file: Path, _changed: int) -> tuple[Array, Callable[[Array], Arr
 
 
 def _rows(file: Path) -> tuple[Array, Array]:
-    """The points of a table and the values at them, shapes (n, d) and (n,)."""
+    """Return the points of a table and the values at them, shapes (n, d) and (n,)."""
     if file.suffix.lower() != ".csv":
         raise _wrong_file(file, "is no .csv: write the nodes and their values to one")
     try:
@@ -572,7 +572,7 @@ def _rows(file: Path) -> tuple[Array, Array]:
 
 
 def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
-    """The points without those at the place of an earlier one, which must have its value."""
+    """Return the points without those at the place of an earlier one, which must have its value."""
     from scipy.spatial import cKDTree
 
     near = ROOT_OF_EPS * diagonal(points) if len(points) else 0.0

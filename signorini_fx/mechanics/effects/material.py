@@ -33,13 +33,13 @@ _ORTHOTROPIC = "orthotropic", "OrthotropicElastic"
 
 
 def _of_file(file: str, name: str) -> type[Material]:
-    """A material of a file of ``materials``, which is imported."""
+    """Return a material of a file of ``materials``, which is imported."""
     kind: type[Material] = getattr(import_module(f"signorini_fx.mechanics.materials.{file}"), name)
     return kind
 
 
 def _class_of(entry: Mapping[str, Any]) -> type[Material]:
-    """The class of the material of a table."""
+    """Return the class of the material of a table."""
     name = entry.get("law")
     if name is None:
         return _of_file(*_ORTHOTROPIC) if "orthotropic" in entry else LinearElastic
@@ -53,7 +53,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Material]:
 
 
 def read_material(entry: object) -> Material:
-    """A material from a table; itself if it is one."""
+    """Return a material from a table; itself if it is one."""
     if isinstance(entry, Material):
         return entry
     return TypeAdapter(
@@ -62,7 +62,9 @@ def read_material(entry: object) -> Material:
 
 
 def every_entry() -> type[Material] | UnionType:
-    """The type of any material of this package, for help and messages: this imports all of them."""
+    """Return the type of any material of this package, for help and messages: this imports all of
+    them.
+    """
     return reduce(
         or_, (_of_file(*place) for place in (_ORTHOTROPIC, *NONLINEAR.values())), LinearElastic
     )

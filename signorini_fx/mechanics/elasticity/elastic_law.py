@@ -77,15 +77,15 @@ class ElementStress:
         return ufl.as_vector([self.in_space[pair] for pair in self.kinematics.stressed])
 
     def squared(self, difference: Expr, times: Expr, dx: ufl.Measure) -> ufl.Form:
-        """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a
-        factor.
+        """Return the form of C^-1 tau : tau for a difference of stresses, its ``components``, times
+        a factor.
         """
         within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
         return times * self.compliance(within) * self.around * dx
 
 
 def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
-    """A displacement, and the pressure that its law has found with it."""
+    """Return a displacement, and the pressure that its law has found with it."""
     return (
         (displacement, displacement.hydrostatic)
         if hasattr(displacement, "hydrostatic")
@@ -122,7 +122,7 @@ class SceneLaw:
         return strain_degree(self.space, self.kinematics)
 
     def displacement(self) -> fem.Function:
-        """A displacement, zero so far."""
+        """Return a displacement, zero so far."""
         return fem.Function(self.space, name="displacement")
 
     @property
@@ -131,22 +131,24 @@ class SceneLaw:
         return self.kinematics.uniform_strain
 
     def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
-        """The stress of a strain, UFL, both of shape (3, 3), as a sum: each part with the
+        """Return the stress of a strain, UFL, both of shape (3, 3), as a sum: each part with the
         quadrature degree of its work where it is reduced, else None.
         """
         raise NotImplementedError
 
     def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
-        """The stress of a displacement, which jumps have ``moved``, with initial strains, None
-        without any, UFL.
+        """Return the stress of a displacement, which jumps have ``moved``, with initial strains,
+        None without any, UFL.
         """
         raise NotImplementedError
 
     def elastic(
         self, y: Expr | None, initial: Expr | None, *, on_axis: bool = False, apart: bool = False
     ) -> Expr:
-        """The strain of a displacement, None: zero, without the initial one, None: zero, UFL, shape
-        (3, 3); ``apart``: whether it is that of the reduced part, at its points.
+        """Return the strain of a displacement, None: zero, without the initial one, None: zero,
+        UFL, shape (3, 3).
+
+        ``apart``: whether it is that of the reduced part, at its points.
         """
         if y is None:
             strain = ufl.zero(3, 3)
@@ -157,7 +159,7 @@ class SceneLaw:
         return strain if initial is None else strain - initial * self.uniform_strain
 
     def _strains(self, y: Expr | None, initial: Expr | None = None) -> tuple[Expr, Expr]:
-        """Strains of the whole and of the reduced part, see ``elastic``."""
+        """Return strains of the whole and of the reduced part, see ``elastic``."""
         return self.elastic(y, initial), self.elastic(y, initial, apart=True)
 
     # --- works, as terms to be compiled one by one ---
@@ -167,8 +169,9 @@ class SceneLaw:
         return self._work(self._strains(y), self._strains(z), self.degree)
 
     def strain_terms(self, z: Expr, strain: Expr, degree: int) -> tuple[ufl.Form, ...]:
-        """Return the terms of an initial strain, see ``assembled``; ``degree``: of the
-        quadrature.
+        """Return the terms of an initial strain, see ``assembled``.
+
+        ``degree``: of the quadrature.
         """
         return self._work((strain * self.uniform_strain,) * 2, self._strains(z), degree)
 
@@ -179,15 +182,19 @@ class SceneLaw:
     def force_terms(
         self, y: fem.Function, z: Expr, moved: Expr | None = None
     ) -> tuple[ufl.Form, ...]:
-        """Return the terms of the work of the stress of y on z; ``moved``: y with jumps, if any."""
+        """Return the terms of the work of the stress of y on z.
+
+        ``moved``: y with jumps, if any.
+        """
         return self.terms(y if moved is None else moved, z)
 
     def initial_terms(
         self, z: Expr, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
         """Return the terms of the load by the stress of initial strains and of jumps of the
-        displacement that are prevented; ``degree``: of the quadrature of the strains; None: there
-        are none.
+        displacement that are prevented, or None if there are none.
+
+        ``degree``: of the quadrature of the strains.
         """
         free = () if strain is None else self.strain_terms(z, strain, degree)
         return [*free, *(() if jump is None else (-term for term in self.terms(jump, z)))]
@@ -195,8 +202,8 @@ class SceneLaw:
     def prevented_terms(
         self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """The energy of that stress: what is missing in that of ``force_terms`` on y less their
-        load.
+        """Return the energy of that stress: what is missing in that of ``force_terms`` on y less
+        their load.
         """
         degree = degree if jump is None else max(degree, self.degree)
         prevented = self._strains(jump, strain)
@@ -205,7 +212,7 @@ class SceneLaw:
     def dilation_terms(
         self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """The residual of the law of a pressure, tested with its functions, and at last the
+        """Return the residual of the law of a pressure, tested with its functions, and at last the
         integrals of these.
         """
         raise NotImplementedError
@@ -213,7 +220,7 @@ class SceneLaw:
     def _work(
         self, strains: tuple[Expr, Expr], tested: tuple[Expr, Expr], degree: int
     ) -> tuple[ufl.Form, ...]:
-        """The work of the stress of such strains on others."""
+        """Return the work of the stress of such strains on others."""
         parts = zip(*map(self.parts, strains), strict=True)
         return tuple(
             self._integral(ufl.inner(part, tested[0]), degree)
@@ -232,7 +239,7 @@ class SceneLaw:
         )
 
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
-        """The terms of a(., .)."""
+        """Return the terms of a(., .)."""
         terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
         return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
@@ -305,7 +312,7 @@ class CellwiseLaw(SceneLaw):
         return [(self._tensor(ufl.dot(self.stiffness.stiffness, strains)), None)]
 
     def _tensor(self, values: Expr) -> Expr:
-        """A tensor from its components, UFL, shape (3, 3)."""
+        """Return a tensor from its components, UFL, shape (3, 3)."""
         at = {
             pair: k
             for k, (i, j) in enumerate(self.kinematics.stressed)
@@ -380,8 +387,8 @@ def compliance(
 
 
 def element_at_points(cell: str, degree: int) -> AbstractFiniteElement:
-    """The discontinuous element whose nodes are the points of a Gauss rule: one point, or two along
-    each axis.
+    """Return the discontinuous element whose nodes are the points of a Gauss rule: one point, or
+    two along each axis.
     """
     if degree == 1:
         return basix.ufl.element("DG", cell, 0)

@@ -96,7 +96,7 @@ class MixedLaw(SceneLaw):
         return indicator
 
     def _pressure(self, q: Expr) -> Expr:
-        """A function or an argument of ``own`` as a pressure, UFL."""
+        """Return a function or an argument of ``own`` as a pressure, UFL."""
         return q if self._materials == 1 else ufl.inner(self._component, q)
 
     @property
@@ -105,7 +105,7 @@ class MixedLaw(SceneLaw):
         return self.own.dofmap.list * self._materials + self._part[:, None]
 
     def _over_cells(self, values: Array) -> Array:
-        """The mean of values in cells, shape (cells, vertices), at each owned unknown of the
+        """Return the mean of values in cells, shape (cells, vertices), at each owned unknown of the
         pressure; collective.
         """
         sums = [fem.Function(self.own) for _ in range(2)]
@@ -116,7 +116,7 @@ class MixedLaw(SceneLaw):
         return total / np.maximum(times, 1.0)
 
     def _coefficient(self, number: Callable[[Array | float, float], npt.ArrayLike]) -> Coefficient:
-        """A number from Young's modulus, a float or an array, and Poisson's ratio, as a
+        """Return a number from Young's modulus, a float or an array, and Poisson's ratio, as a
         coefficient.
         """
 
@@ -176,7 +176,7 @@ class MixedLaw(SceneLaw):
         return tuple(self._integral(density, self.degree) for density in densities)
 
     def strain_terms(self, z: Expr, strain: Expr, degree: int) -> tuple[ufl.Form, ...]:
-        """The work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
+        """Return the work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
 
         With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I,
         as without the strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu /
@@ -186,7 +186,7 @@ class MixedLaw(SceneLaw):
         return (self._integral(self._swelling * strain * q, degree),)
 
     def jump_terms(self, jump: fem.Function, z: Expr) -> tuple[ufl.Form, ...]:
-        """The second one is of the change of volume."""
+        """Return the second one is of the change of volume."""
         dilation = ufl.tr(self.kinematics.strain(jump)) * self._pressure(ufl.TestFunction(self.own))
         return *self.terms(jump, z), self._integral(-dilation, self.degree)
 
@@ -231,7 +231,7 @@ class MixedLaw(SceneLaw):
     def dilation_terms(
         self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """The weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
+        """Return the weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
         q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
         terms = [self._integral((dilation + self._yields * fields_of(y)[1]) * q, self.degree)]
@@ -284,8 +284,9 @@ class MixedLaw(SceneLaw):
         self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: Flags
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """K, from A without prescribed rows and columns, and what turns its unknowns into
-        displacements, with and without rigid bodies, of which there are none; ``rotation``: from
-        those of A, None: they are the same.
+        displacements, with and without rigid bodies, of which there are none.
+
+        ``rotation``: from those of A, None: they are the same.
         """
         if not has_package("mumps"):
             raise needs_fenicsx(
@@ -307,7 +308,7 @@ class MixedLaw(SceneLaw):
         return matrix, displacements, displacements
 
     def lifted(self, prescribed: Array, pressure_load: Array | None = None) -> Array:
-        """The load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an
+        """Return the load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an
         ``AppliedLoad``.
         """
         displacement, divergences = self.divergence.createVecs()
@@ -317,7 +318,7 @@ class MixedLaw(SceneLaw):
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
     def displacement(self, values: Array | None = None) -> MixedDisplacement:
-        """A displacement, zero so far, with the values of the pressure, None: zero."""
+        """Return a displacement, zero so far, with the values of the pressure, None: zero."""
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         if values is not None:
             pressure.x.array[: self.count] = self.unit * values
@@ -339,8 +340,10 @@ class MixedLaw(SceneLaw):
         return values / self.unit
 
     def encloses(self, vector: Callable[[Array], PETSc.Vec], held: Flags) -> bool:
-        """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so
-        that constant pressures do no work; ``vector``: see ``Model``.
+        """Return whether what is ``held`` lets no part of one material with nu = 1/2 change its
+        volume, so that constant pressures do no work.
+
+        ``vector``: see ``Model``.
         """
         part = self._part
         pieces = find_pieces(self.space.mesh)

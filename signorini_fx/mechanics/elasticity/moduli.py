@@ -59,9 +59,9 @@ def of_materials(
     tagged: TaggedMesh,
     numbers: Callable[[Material, Array | float], tuple[npt.ArrayLike, ...]],
 ) -> tuple[Coefficient, ...]:
-    """Numbers of the materials: constants of one material, cell-wise functions of several and of
-    graded ones; ``numbers`` gives them from a material and the values of its grading in its cells;
-    collective.
+    """Return numbers of the materials: constants of one material, cell-wise functions of several
+    and of graded ones; ``numbers`` gives them from a material and the values of its grading in its
+    cells; collective.
     """
     mesh = tagged.mesh
     share = graded(statement, tagged)
@@ -89,8 +89,8 @@ def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Coeffic
 
 
 def middles(tagged: TaggedMesh, cells: Indices) -> Array:
-    """The middles of the corners of cells, whose other nodes depend on how curves are drawn, shape
-    (3, n).
+    """Return the middles of the corners of cells, whose other nodes depend on how curves are drawn,
+    shape (3, n).
     """
     mesh = tagged.mesh
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
@@ -99,7 +99,7 @@ def middles(tagged: TaggedMesh, cells: Indices) -> Array:
 
 
 def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
-    """Return the factor of the moduli in each cell, which must be between 0 and 1; None: there is
+    """Return the factor of the moduli in each cell, which must be between 0 and 1; None if there is
     none; collective.
     """
     problems = []
@@ -127,7 +127,9 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
 
 def reduced_degree(statement: Statement, mesh: dmesh.Mesh, *, nearly: bool = False) -> int | None:
     """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two
-    points per axis; ``nearly``: whether a material keeps its volume otherwise than by its ratio.
+    points per axis.
+
+    ``nearly``: whether a material keeps its volume otherwise than by its ratio.
     """
     degree = statement.element.degree
     kind = mesh.topology.cell_name()
@@ -158,7 +160,7 @@ class CellwiseStiffness:
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
     """Return the stiffness of each cell of a scene, whose axes must have directions, and a plane
-    body must stay plane; None: all of its materials are isotropic; collective.
+    body must stay plane; None if all of its materials are isotropic; collective.
     """
     if all(material.isotropic for material in statement.material):
         return None
@@ -208,7 +210,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
 
 
 def _fault_of_axes(axes: Array, count: int, words: str) -> str:
-    """What is wrong with the axes of ``count`` cells on this rank; "": nothing."""
+    """Return what is wrong with the axes of ``count`` cells on this rank; "": nothing."""
     if axes.shape != (count, 3, 3):
         return f"axes of {words} must have the shape (n, 3, 3) for points of the shape (3, n)"
     if not np.isfinite(axes).all():

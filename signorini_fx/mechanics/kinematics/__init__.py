@@ -28,13 +28,13 @@ HYPOTHESES = {kind.words: kind for kind in (PLANE_STRAIN, PLANE_STRESS, AXISYMME
 
 
 def hypotheses() -> tuple[str, ...]:
-    """The names that materials may give the kinematics of a plane mesh; none is imported."""
+    """Return the names that materials may give the kinematics of a plane mesh; none is imported."""
     return (*HYPOTHESES, *(name for name in names_of(KINEMATICS) if name not in HYPOTHESES))
 
 
 def of_hypothesis(name: str) -> Kinematics:
-    """The kinematics of a name in ``hypotheses``; an ``InstallationError`` where their package is
-    missing.
+    """Return the kinematics of a name in ``hypotheses``; an ``InstallationError`` where their
+    package is missing.
     """
     if name in HYPOTHESES:
         return HYPOTHESES[name]
@@ -48,8 +48,9 @@ def of_hypothesis(name: str) -> Kinematics:
 
 def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> Kinematics:
     """Return the kinematics of a body with these materials, by their hypotheses and torsion: the
-    most special one, as all must agree; ``dimension``: of the cells; materials in 3D need no
-    hypothesis.
+    most special one, as all must agree.
+
+    ``dimension``: of the cells; materials in 3D need no hypothesis.
     """
     if dimension != 2:
         return SPACE

@@ -109,7 +109,7 @@ class Kinematics:
         return ""
 
     def depth(self, size: float) -> float:
-        """What areas of the mesh are multiplied by in a body of this size, about."""
+        """Return what areas of the mesh are multiplied by in a body of this size, about."""
         return 1.0
 
     # --- forms ------------------------------------------------------------------------------------
@@ -123,8 +123,9 @@ class Kinematics:
         return ufl.sym(self.gradient(y, on_axis=on_axis))
 
     def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
-        """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3); ``on_axis``:
-        whether it is wanted where x[0] = 0 too, as a limit.
+        """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3).
+
+        ``on_axis``: whether it is wanted where x[0] = 0 too, as a limit.
         """
         import ufl
 
@@ -159,8 +160,8 @@ PLANE_STRESS = Kinematics(
 
 
 def padded(tensor: Expr, dimension: int, outward: Expr | float = 0) -> Expr:
-    """The components of a tensor along the first axes, and one across the mesh, UFL, shape (3,
-    3).
+    """Return the components of a tensor along the first axes, and one across the mesh, UFL, shape
+    (3, 3).
     """
     import ufl
 
@@ -172,7 +173,7 @@ def padded(tensor: Expr, dimension: int, outward: Expr | float = 0) -> Expr:
 
 
 def components(tensor: Expr, pairs: Iterable[tuple[int, int]]) -> Expr:
-    """Components of a strain, of shear twice epsilon_ij, UFL."""
+    """Return components of a strain, of shear twice epsilon_ij, UFL."""
     import ufl
 
     return ufl.as_vector([tensor[i, j] if i == j else 2 * tensor[i, j] for i, j in pairs])
@@ -187,7 +188,7 @@ def tensors(values: Array, pairs: Iterable[tuple[int, int]]) -> Array:
 
 
 def position(y: Expr) -> Expr:
-    """The place that an expression is taken at, UFL."""
+    """Return the place that an expression is taken at, UFL."""
     import ufl
 
     return ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(y))
@@ -197,7 +198,7 @@ def position(y: Expr) -> Expr:
 
 
 def off_axis(y: Expr) -> Expr:
-    """Whether a place of UFL is off the axis, by more than the round-off of coordinates in
+    """Return whether a place of UFL is off the axis, by more than the round-off of coordinates in
     files.
     """
     import ufl
@@ -235,7 +236,7 @@ class BodyOfRevolution(Kinematics):
         return "must be that of the body: axis = [0.0, 1.0]"
 
     def depth(self, size: float) -> float:
-        """The length of half a revolution."""
+        """Return the length of half a revolution."""
         return math.pi * size
 
     def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
@@ -272,7 +273,7 @@ class BodyOfRevolution(Kinematics):
         return padded(slopes, 2, stretch)
 
     def measure(self, x: FieldValue) -> FieldValue:
-        """The length of the circumference."""
+        """Return the length of the circumference."""
         return 2 * math.pi * x[0]
 
 

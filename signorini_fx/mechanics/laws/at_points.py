@@ -23,8 +23,8 @@ from signorini_fx.tuned import (
 
 
 def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
-    """The friction of ``count`` points with one law, whose parameters are arrays; None: there is
-    none.
+    """Return the friction of ``count`` points with one law, whose parameters are arrays; None if
+    there is none.
     """
     zero = np.zeros(count)
     if law is None:
@@ -36,8 +36,9 @@ def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
 
 
 def joined(parts: Sequence[PointFriction], points: Sequence[Ints]) -> PointFriction:
-    """The friction of several parts of the contact points as one; ``points``: the numbers of those
-    of each part, which together are all.
+    """Return the friction of several parts of the contact points as one.
+
+    ``points``: the numbers of those of each part, which together are all.
     """
     count = sum(numbers.size for numbers in points)
     given, coefficient, cap, ends = (np.full(count, value) for value in (0.0, 0.0, np.inf, False))
@@ -59,8 +60,9 @@ def joined(parts: Sequence[PointFriction], points: Sequence[Ints]) -> PointFrict
 
 def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     """What a law of a user's own says of itself and does not keep, at ``count`` points, for which
-    its parameters are arrays; "": nothing was found; ``modulus``: of the body, stress: pressures up
-    to it are tried, and speeds of all sizes.
+    its parameters are arrays; "": nothing was found.
+
+    ``modulus``: of the body, stress: pressures up to it are tried, and speeds of all sizes.
     """
     kind = type(law)
     own_envelope = kind.envelope is not FrictionLaw.envelope

@@ -54,7 +54,9 @@ class FrictionAxes:
     def joined(
         cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]
     ) -> FrictionAxes | None:
-        """Join the axes of several boundaries, of the sizes; None: no friction has a direction."""
+        """Join the axes of several boundaries, of the sizes; None if no friction has a
+        direction.
+        """
         if not any(parts):
             return None
         # Others are discs.
@@ -89,9 +91,10 @@ class FrictionAxes:
 
     def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: MPI.Comm) -> None:
         """Refuse axes without a direction at points of one foundation, and supports that are not
-        along them;
-        ``movable``: see ``ContactPoints``, along these axes; ``path``: of the law, for errors;
-        collective.
+        along them; collective.
+
+        ``movable``: see ``ContactPoints``, along these axes.
+        ``path``: of the law, for errors.
         """
         from signorini_fx.machine import parallel
 
@@ -159,9 +162,10 @@ class DirectedLaw(FrictionLaw):
     def axes(
         self, at: Callable[..., Array], path: str, dimension: int, comm: MPI.Comm
     ) -> FrictionAxes | None:
-        """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at
-        nodes, see ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors;
-        collective.
+        """Return the axes of friction at nodes, or None if it has no direction; collective.
+
+        ``at``: evaluates data at nodes, see ``assembly.nodal_values.NodalValues``.
+        ``path``: of the law, for errors.
         """
         if self.ratio is None:
             return None

@@ -101,7 +101,7 @@ class FrictionLaw(Table):
     # --- what it may say ---
 
     def envelope(self, zero: Array) -> Envelope:
-        """What bounds its bound, for statics; ``zero`` has the shape of the parameters.
+        """Return what bounds its bound, for statics; ``zero`` has the shape of the parameters.
 
         Of a concave law it follows, and of one that the pressure leaves as it is; of others, and of
         those that follow the slip, nothing is known, and friction has no limit.
@@ -167,7 +167,7 @@ class FrictionLaw(Table):
         )
 
     def at(self, points: Flags | Integers | slice) -> Self:
-        """A law whose parameters are arrays at some of their entries."""
+        """Return a law whose parameters are arrays at some of their entries."""
         return self.with_values(lambda _, values: values[points])
 
     @property
@@ -177,5 +177,5 @@ class FrictionLaw(Table):
 
 
 def acting(*values: Value | None) -> bool:
-    """Whether a value is there and not the number zero."""
+    """Return whether a value is there and not the number zero."""
     return any(value is not None and not is_zero(value) for value in values)

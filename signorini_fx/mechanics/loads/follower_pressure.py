@@ -64,15 +64,15 @@ def _traction(pressure: Expr | float, u: fem.Function, kinematics: Kinematics) -
 
 
 def following(statement: Statement) -> list[Traction]:
-    """The tractions of a statement whose pressure follows the body: where materials know finite
-    strains.
+    """Return the tractions of a statement whose pressure follows the body: where materials know
+    finite strains.
     """
     tractions = statement.effects.get("traction", ()) if statement.finite_strains else ()
     return [traction for traction in tractions if not is_zero(traction.pressure)]
 
 
 def carried_loads(statement: Statement) -> list[ForceDensity]:
-    """The forces of a statement in the body that are those of displaced places."""
+    """Return the forces of a statement in the body that are those of displaced places."""
     forces = statement.of(ForceDensity) if statement.finite_strains else []
     return [force for force in forces if force.carried and force.acts]
 

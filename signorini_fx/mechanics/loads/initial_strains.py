@@ -59,7 +59,11 @@ class Jump:
         return np.where(self.nodes[:, None], -self.axis, 0.0)
 
     def on(self, space: fem.FunctionSpace) -> fem.Function:
-        """J as a function without continuity; ``space``: of the displacement."""
+        """J as a function without continuity.
+
+        Args:
+            space: of the displacement.
+        """
         dim = self.axis.size
         jump = fem.Function(
             fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (dim,)))
@@ -72,8 +76,8 @@ class Jump:
 def jump_at(
     path: str, effect: Preload, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> Jump:
-    """The jump that an entry of a scene, with this path, prescribes on a section that cuts the
-    body; collective.
+    """Return the jump that an entry of a scene, with this path, prescribes on a section that cuts
+    the body; collective.
     """
     mesh = tagged.mesh
     dim = tagged.dimension
@@ -125,7 +129,7 @@ def jump_at(
 
 
 def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
-    """The facets inside the mesh with a name, those of this rank."""
+    """Return the facets inside the mesh with a name, those of this rank."""
     mesh = tagged.mesh
     if name not in tagged.boundaries:
         boundary_names = ", ".join(sorted(tagged.boundaries)) or "none"
@@ -145,7 +149,7 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
 def _plane(
     space: fem.FunctionSpace, nodes: Flags, tagged: TaggedMesh, path: str
 ) -> tuple[Array, Array]:
-    """A point and the unit normal of the plane through nodes."""
+    """Return a point and the unit normal of the plane through nodes."""
     comm = space.mesh.comm
     owned = space.dofmap.index_map.size_local
     x = node_positions(space)[:owned, : tagged.dimension][nodes[:owned]]
@@ -171,8 +175,10 @@ def jump_loads(
     jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: SceneLaw, held: Callable[[Jump], bool]
 ) -> list[AppliedLoad]:
     """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown;
+    collective.
+
     ``held``: whether contact or supports hold nodes of a jump on this rank along its axis, which is
-    refused; collective.
+        refused.
     """
     z = ufl.TestFunction(space)
     loads = []
@@ -201,9 +207,11 @@ def holds(
     boundary: ContactBoundary | None,
     bonded: Sequence[int] = (),
 ) -> bool:
-    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis,
-    which would see the displacement on one of its sides alone; ``fixed`` and ``turned``: see
-    ``Model``; ``bonded``: numbers of the contacts that hold in all directions; collective.
+    """Return whether contact or prescribed displacements hold nodes of a jump on this rank along
+    its axis, which would see the displacement on one of its sides alone; collective.
+
+    ``fixed``, ``turned``: see ``Model``.
+    ``bonded``: numbers of the contacts that hold in all directions.
     """
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
@@ -224,8 +232,8 @@ def holds(
 def given_strains(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> tuple[Expr | None, Expr | None, Callable[[float], None]]:
-    """All initial strains together in each direction, and all jumps together, UFL, None without
-    any, as in the first load step, and what moves them to a place; collective.
+    """Return all initial strains together in each direction, and all jumps together, UFL, None
+    without any, as in the first load step, and what moves them to a place; collective.
     """
     on = FormCoefficients(
         statement, tagged, space

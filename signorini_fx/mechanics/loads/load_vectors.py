@@ -192,7 +192,7 @@ class FormCoefficients:
         )
 
     def value_in(self, region: str | None, value: Value) -> Expr:
-        """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
+        """Return a value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
         if region is None:
             return self.value(value)
         cells = self.tagged.cells(region)
@@ -215,8 +215,8 @@ class FormCoefficients:
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def total(self, effect: Any) -> fem.Constant:
-        """The integral of ``effect.spread`` over the boundary of the effect, which must not be
-        zero; collective.
+        """Return the integral of ``effect.spread`` over the boundary of the effect, which must not
+        be zero; collective.
         """
         boundary = str(effect.where)
         spread = effect.spread
@@ -244,8 +244,8 @@ class FormCoefficients:
         )
 
     def value(self, value: Value, cells: Indices | None = None) -> Expr:
-        """A value as a coefficient; a callable is interpolated in some cells, without them in
-        all.
+        """Return a value as a coefficient; a callable is interpolated in some cells, without them
+        in all.
         """
         mesh = self.space.mesh
         if isinstance(value, float):
@@ -297,7 +297,7 @@ _Load = TypeVar("_Load", bound=Load)
 
 
 def load_groups(statement: Statement, loads: Sequence[_Load]) -> dict[LoadGroup, list[_Load]]:
-    """Loads by what they share, without those that are zero or that ``initial_strains``
+    """Return loads by what they share, without those that are zero or that ``initial_strains``
     assembles.
     """
     groups: dict[LoadGroup, list[_Load]] = {}
@@ -326,9 +326,10 @@ def applied_load(
     step: float = 0,
 ) -> AppliedLoad:
     """Compile and assemble the loads of a group, with prescribed displacements, at a place in the
-    lists of factors;
-    ``z``: the test function of L; ``compiled``: the forms of an earlier place, None if they are to
-    be compiled; collective.
+    lists of factors; collective.
+
+    ``z``: the test function of L.
+    ``compiled``: the forms of an earlier place, None if they are to be compiled.
     """
     factors, timed, balanced = group
     space = on.space
@@ -378,7 +379,7 @@ def _factor(factors: Sequence[float] | None) -> Callable[[Statement, float], flo
 def driving_load(
     rigid: RigidBodies, number: int, statement: Statement, space: fem.FunctionSpace, step: float = 0
 ) -> AppliedLoad:
-    """What drives one of the rigid bodies, at the time of a place in the lists of factors;
+    """Return what drives one of the rigid bodies, at the time of a place in the lists of factors;
     collective.
     """
     timed = rigid.bodies[number].motion.driven_in_time
@@ -393,8 +394,8 @@ def driving_load(
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Expr) -> tuple[fem.Form, ...]:
-    """The terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of initial
-    strains.
+    """Return the terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of
+    initial strains.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         total_strain = sum(_asked(strain, "strain", on) for strain in strains)
@@ -412,8 +413,8 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Expr) -> tuple
 def compile_resistance(
     acting: Sequence[Resistance], on: FormCoefficients, y: Expr, z: Expr
 ) -> fem.Form | None:
-    """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled
-    together.
+    """Return the terms of a(y, z) by which effects resist the displacement on the boundary,
+    compiled together.
     """
     return (
         _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)
@@ -423,8 +424,8 @@ def compile_resistance(
 
 
 def _asked(effect: Effect, method: str, on: FormCoefficients, *arguments: Expr) -> Expr:
-    """What a method of an effect gives, UFL, or a ``SceneError`` of one of another package that
-    gives none.
+    """Return what a method of an effect gives, UFL, or a ``SceneError`` of one of another package
+    that gives none.
     """
     if is_of_package(type(effect)):
         return getattr(effect, method)(*arguments, on)
@@ -446,7 +447,7 @@ def _asked(effect: Effect, method: str, on: FormCoefficients, *arguments: Expr) 
 def _compiled(
     effects: Sequence[_Effect], integrand: Callable[[_Effect], Expr], on: FormCoefficients
 ) -> fem.Form:
-    """The integrals of effects over what each of them acts on."""
+    """Return the integrals of effects over what each of them acts on."""
     where = measures(effects, on.tagged)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(on.degree)})

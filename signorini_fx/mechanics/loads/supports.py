@@ -82,7 +82,9 @@ class Supports:
         return cls(conditions, skew, turned, fixed, place)
 
     def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
-        """The conditions and the turned nodes at a place in the lists of factors; collective."""
+        """Return the conditions and the turned nodes at a place in the lists of factors;
+        collective.
+        """
         statement = self._place[0]
         if not any(effect.timed for effect in statement.displacement):
             return self.conditions, self.turned
@@ -158,7 +160,7 @@ def conditions_on(
 
 
 def _times(sign: float, value: Value) -> Value:
-    """A component of a displacement along a normal."""
+    """Return a component of a displacement along a normal."""
     return sign * value if isinstance(value, float) else lambda x: sign * sample(value, x)
 
 
@@ -168,7 +170,9 @@ _ON_AXIS = Displacement(boundary="on the axis", x=0.0)
 
 
 def on_axis(x: Array, tagged: TaggedMesh) -> Flags:
-    """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
+    """Return which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape
+    (n,).
+    """
     return np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size
 
 
@@ -212,8 +216,8 @@ def at_rest(
     turned: TurnedNodes | None,
     fixed: Flags,
 ) -> Flags:
-    """Which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned nodes in
-    their frames.
+    """Return which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned
+    nodes in their frames.
     """
     values = prescribed(space, [support for _, support in supports])[1]
     for effect, support in supports:
@@ -272,9 +276,10 @@ def check_overlap(
 def node_at(
     space: fem.FunctionSpace, effect: Displacement | PointForce, path: str, tagged: TaggedMesh
 ) -> Ints:
-    """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts
-    included, shape (1,) or (0,); there must be one on all ranks together; ``path``: for errors;
-    collective.
+    """Return the node of this rank at the point ``at`` of an effect, of its region if it names one,
+    ghosts included, shape (1,) or (0,); there must be one on all ranks together; collective.
+
+    ``path``: for errors.
     """
     point = np.array(effect.at)
     x = node_positions(space)[:, : tagged.dimension]
@@ -307,7 +312,7 @@ def node_at(
 
 
 def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> Array:
-    """A ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of
+    """Return a ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of
     ``node_at``; collective.
     """
     node = node_at(space, load, path, tagged)

@@ -69,7 +69,7 @@ def respond_at_finite_strains(
 
 
 def _slopes_of_logarithms(values: Array) -> Array:
-    """The divided differences of 1/2 ln(1 + x) between values, shape (n, 3, 3)."""
+    """Return the divided differences of 1/2 ln(1 + x) between values, shape (n, 3, 3)."""
     differences = values[:, :, None] - values[:, None, :]
     sums = 2 + values[:, :, None] + values[:, None, :]
     half = differences / sums

@@ -287,7 +287,7 @@ class PathDependent(NonlinearMaterial):
 
     def plastic_strain(self, state: Array) -> Array | None:
         """Return the accumulated (equivalent) plastic strain of states, for results, shape (n,);
-        None: there is none.
+        None if there is none.
         """
         return None
 
@@ -344,7 +344,7 @@ def logarithm_beyond_line(change: Expr) -> Expr:
 
 
 def _beyond_line(change: Expr, factors: Sequence[float], far: Expr) -> Expr:
-    """The series from the power 2 on where x is small, else ``far``, UFL."""
+    """Return the series from the power 2 on where x is small, else ``far``, UFL."""
     import ufl
 
     series = factors[-1]
@@ -354,5 +354,5 @@ def _beyond_line(change: Expr, factors: Sequence[float], far: Expr) -> Expr:
 
 
 def deviator(tensor: Array) -> Array:
-    """The tensor without its mean, shape (..., 3, 3)."""
+    """Return the tensor without its mean, shape (..., 3, 3)."""
     return tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3

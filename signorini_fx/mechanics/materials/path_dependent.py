@@ -133,7 +133,7 @@ class J2(PathDependent):
         return respond_at_finite_strains(self.respond, change, state)
 
     def plastic_strain(self, state: Array) -> Array:
-        """The integral of sqrt(2/3) |d epsilon_p|."""
+        """Return the integral of sqrt(2/3) |d epsilon_p|."""
         return state[:, 9]
 
 

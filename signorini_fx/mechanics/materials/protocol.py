@@ -162,8 +162,10 @@ class Material(Effect):
         return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
 
     def stiffest(self, *, pressed: bool) -> float:
-        """Return the largest normal stress per strain; ``pressed``: without the part of a pressure
-        that is an unknown.
+        """Return the largest normal stress per strain.
+
+        Args:
+            pressed: without the part of a pressure that is an unknown.
         """
         return float(self.stiffness.diagonal().max())
 
@@ -209,8 +211,8 @@ def stiffness_of(material: Material) -> Array:
 
 
 def stress_of(material: Material, components: Array) -> Array:
-    """The stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in shear,
-    shape (6,).
+    """Return the stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in
+    shear, shape (6,).
     """
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering

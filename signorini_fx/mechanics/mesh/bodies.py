@@ -64,7 +64,7 @@ def together(
 
 
 def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
-    """All bodies at their places."""
+    """Return all bodies at their places."""
     if len({mesh.degree for mesh in meshes}) > 1:
         meshes = [quadratic(mesh) if mesh.degree == 1 else mesh for mesh in meshes]
     _check_alike(bodies, meshes)

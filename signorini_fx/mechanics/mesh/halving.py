@@ -31,7 +31,7 @@ _WITHIN = {
 
 
 def straightened(mesh: MeshArrays) -> MeshArrays:
-    """The mesh without the nodes between its corners."""
+    """Return the mesh without the nodes between its corners."""
     if mesh.degree == 1:
         return mesh
     used, corners = np.unique(mesh.corners, return_inverse=True)
@@ -47,8 +47,8 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 
 
 def quadratic(mesh: MeshArrays) -> MeshArrays:
-    """A mesh of straight cells with nodes in the middle of their edges and faces, of the same
-    shape.
+    """Return a mesh of straight cells with nodes in the middle of their edges and faces, of the
+    same shape.
     """
     cell = next(
         kind
@@ -66,7 +66,7 @@ def quadratic(mesh: MeshArrays) -> MeshArrays:
 
 
 def halved(mesh: MeshArrays) -> MeshArrays:
-    """The mesh with every side of every cell halved."""
+    """Return the mesh with every side of every cell halved."""
     cell = mesh.cell
     corners = mesh.cell.corners
     number, points, lattice = _numbered(mesh, 2 * mesh.degree)
@@ -92,8 +92,8 @@ def halved(mesh: MeshArrays) -> MeshArrays:
 
 
 def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Array, Array]:
-    """A number for each node, shape (m, k), the same in cells that share it, their positions, and
-    nodes of a cell.
+    """Return a number for each node, shape (m, k), the same in cells that share it, their
+    positions, and nodes of a cell.
     """
     import basix.ufl
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
@@ -127,8 +127,8 @@ def _places(kind: Cell, corners: Array, lattice: Array) -> Ints:
 
 
 def _children(kind: Cell, corners: Array) -> Array:
-    """The corners of each child of a cell or facet with some corners, shape (children, corners,
-    d).
+    """Return the corners of each child of a cell or facet with some corners, shape (children,
+    corners, d).
     """
     count = len(corners)
     ends = [[(own, other) for other in range(count)] for own in range(count)]
@@ -136,5 +136,5 @@ def _children(kind: Cell, corners: Array) -> Array:
 
 
 def _repeated(rows: Ints, times: int) -> Ints:
-    """Rows of the children."""
+    """Return rows of the children."""
     return (times * rows[:, None] + np.arange(times)).ravel()

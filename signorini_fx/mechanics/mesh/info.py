@@ -20,7 +20,7 @@ _MEASURES = {2: ("area", "length"), 3: ("volume", "area")}
 
 
 def mesh_info(file: MeshFile) -> dict[str, Any]:
-    """A summary of a file that JSON can hold.
+    """Return a summary of a file that JSON can hold.
 
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one
@@ -70,7 +70,7 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
 
 
 def render(info: Mapping[str, Any], name: str) -> str:
-    """The summary for a terminal."""
+    """Return the summary for a terminal."""
     lines: list[str] = []
 
     def row(title: str, text: str) -> None:

@@ -92,7 +92,7 @@ def cells_of_points(
     outside: float,
     pieces: tuple[Ints, Ints] | None = None,
 ) -> tuple[Indices, Array, Array]:
-    """The cell of this rank that each point is in, or else least outside.
+    """Return the cell of this rank that each point is in, or else least outside.
 
     Args:
         mesh: the mesh.
@@ -181,7 +181,7 @@ def cells_of_points(
 
 
 def _nodes(mesh: dmesh.Mesh) -> Array:
-    """The geometry nodes of the owned cells, shape (cells, nodes of each, d)."""
+    """Return the geometry nodes of the owned cells, shape (cells, nodes of each, d)."""
     count = mesh.topology.index_map(mesh.topology.dim).size_local
     dim = mesh.topology.dim
     return np.asarray(
@@ -190,7 +190,7 @@ def _nodes(mesh: dmesh.Mesh) -> Array:
 
 
 def _sizes(nodes: Array) -> Array:
-    """The diagonals of the bounding boxes of cells."""
+    """Return the diagonals of the bounding boxes of cells."""
     return extents(nodes)
 
 
@@ -204,8 +204,8 @@ def determinants(matrices: Array) -> Array:
 
 
 def inverses(matrices: Array) -> Array:
-    """The inverses of many such matrices, of singular ones the unit matrix, by hand: shape (d, d,
-    ...).
+    """Return the inverses of many such matrices, of singular ones the unit matrix, by hand: shape
+    (d, d, ...).
     """
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
@@ -222,8 +222,8 @@ def inverses(matrices: Array) -> Array:
 
 
 def _pull_back(element: FiniteElement, corners: Array, reference: Array) -> Array:
-    """Places in the reference cell that cells map to the origin, by Newton's method; corners in
-    sizes of the cell.
+    """Return places in the reference cell that cells map to the origin, by Newton's method; corners
+    in sizes of the cell.
     """
     moving = np.arange(len(corners))
     for _ in range(MANY_STEPS):
@@ -241,7 +241,7 @@ def _pull_back(element: FiniteElement, corners: Array, reference: Array) -> Arra
 
 
 def _clipped(element: FiniteElement, reference: Array) -> Array:
-    """The places in the reference cell next to some in or beside it."""
+    """Return the places in the reference cell next to some in or beside it."""
     inside = np.clip(reference, 0.0, None)
     if element.cell_type in _SIMPLICES:
         inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)

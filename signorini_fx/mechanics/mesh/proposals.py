@@ -140,7 +140,10 @@ class _Facets:
 
     @classmethod
     def of(cls, mesh: MeshArrays, piece: Ints) -> _Facets:
-        """Return the facets of a mesh; ``piece``: the body of each cell, shape (m,)."""
+        """Return the facets of a mesh.
+
+        ``piece``: the body of each cell, shape (m,).
+        """
         width = len(mesh.facet.corners)
         sides = sides_of(mesh.cells, mesh.cell)
         keys = row_keys(sides[:, :width])
@@ -181,7 +184,8 @@ class _Facets:
 
 
 def _beside(nodes: Ints, dimension: int) -> tuple[Ints, Ints]:
-    """Return the pairs of facets that share an edge, in 2D a node: their numbers, shape (e,) each;
+    """Return the pairs of facets that share an edge, in 2D a node: their numbers, shape (e,) each.
+
     ``nodes``: the corners of the facets, shape (f, c).
     """
     columns = list(combinations(range(nodes.shape[1]), dimension - 1))
@@ -393,7 +397,9 @@ def _joined(
     size: float,
 ) -> list[ProposedContact]:
     """Return the contacts, where pairs of the same bodies and kind whose surfaces meet smoothly are
-    one: both halves of a bore; ``size``: of the mesh, length.
+    one: both halves of a bore.
+
+    ``size``: of the mesh, length.
     """
 
     def meet(one: int, other: int) -> bool:

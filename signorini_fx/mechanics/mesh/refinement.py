@@ -28,9 +28,9 @@ from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
 
 
 def mark(comm: MPI.Comm, squares: Array, share: float = 0.5) -> Indices:
-    """The smallest number of cells that have a share of the squared error together (Doerfler), over
-    all ranks: those of this rank, from the squared errors of its owned cells, shape (cells,);
-    collective.
+    """Return the smallest number of cells that have a share of the squared error together
+    (Doerfler), over all ranks: those of this rank, from the squared errors of its owned cells,
+    shape (cells,); collective.
     """
     total = parallel.total(comm, squares)
     low = 0.0
@@ -116,7 +116,7 @@ _NO_TAG = np.iinfo(np.int32).min
 
 
 def _table(tags: dmesh.MeshTags, index_map: IndexMap) -> Indices:
-    """The tag of every entity of this rank, ghosts included; _NO_TAG where there is none."""
+    """Return the tag of every entity of this rank, ghosts included; _NO_TAG where there is none."""
     table = np.full(index_map.size_local + index_map.num_ghosts, _NO_TAG, dtype=np.int32)
     table[tags.indices] = tags.values
     return table
@@ -134,7 +134,7 @@ def shorter_lengths(
     dimension: int,
     finer: float,
 ) -> Array:
-    """The lengths of cells for an error ``factor`` times as small, with the fewest cells;
+    """Return the lengths of cells for an error ``factor`` times as small, with the fewest cells;
     collective.
 
     Those that this takes may be too many: then the error becomes as small as the allowed number of
@@ -176,7 +176,7 @@ def shorter_lengths(
 
 
 def lengths_of_cells(tagged: TaggedMesh) -> Array:
-    """The mean length of the edges of each owned cell, shape (cells,)."""
+    """Return the mean length of the edges of each owned cell, shape (cells,)."""
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)[:owned]]
     edges = basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[1]
@@ -189,7 +189,7 @@ def size_fields(
     parts: Sequence[Indices],
     finer: float = np.inf,
 ) -> list[SizeField]:
-    """Lengths that grow slowly from the shortest ones, also from body to body; collective.
+    """Return lengths that grow slowly from the shortest ones, also from body to body; collective.
 
     Where these would take too many cells all that differ from those of the mesh become longer by
     the same factor.
@@ -239,8 +239,8 @@ def _affordable(
     dimension: int,
     finer: float,
 ) -> Array:
-    """Lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells, up to
-    those of the mesh.
+    """Return lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells,
+    up to those of the mesh.
     """
 
     def longer(factor: float) -> Array:
@@ -261,8 +261,8 @@ def _affordable(
 
 
 def _graded(x: Array, sizes: Array) -> Array:
-    """Lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or about
-    that.
+    """Return lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or
+    about that.
     """
     from scipy.spatial import cKDTree
 

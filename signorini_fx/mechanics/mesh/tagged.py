@@ -156,7 +156,8 @@ def outer_facets(mesh: dmesh.Mesh) -> Indices:
 
 
 def diameter_of(mesh: dmesh.Mesh) -> float:
-    """The largest distance of two points of a mesh, a length; the same on all ranks; collective.
+    """Return the largest distance of two points of a mesh, a length; the same on all ranks;
+    collective.
 
     Raises:
         MeshError: all points lie in a plane, in two dimensions on a line.
@@ -214,7 +215,7 @@ def largest_distance(x: Array) -> float:
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> Indices:
-    """Entities with any of the tags, sorted."""
+    """Return entities with any of the tags, sorted."""
     tags_wanted = (values,) if isinstance(values, int) else values
     return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, tags_wanted)]))
 
@@ -304,13 +305,13 @@ def embed_in_3d(mesh: dmesh.Mesh) -> dmesh.Mesh:
 
 
 def is_section(mesh: dmesh.Mesh) -> bool:
-    """Whether it has plane cells in 3D."""
+    """Return whether it has plane cells in 3D."""
     return bool(mesh.geometry.dim > mesh.topology.dim)
 
 
 def curvature(tagged: TaggedMesh) -> float:
-    """The largest distance of a midside node from the middle of its side, a length; the same on all
-    ranks.
+    """Return the largest distance of a midside node from the middle of its side, a length; the same
+    on all ranks.
     """
     from signorini_fx.mechanics.mesh.files import cells
 
@@ -419,7 +420,7 @@ def read_mesh(
 def load_file(
     mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None, sizes: Sizes = ()
 ) -> TaggedMesh:
-    """The mesh of a file of a scene; see ``read_mesh``.
+    """Return the mesh of a file of a scene; see ``read_mesh``.
 
     Args:
         mesh: the file, with the names that the scene gives.
@@ -467,7 +468,7 @@ def _of_file(
 
 
 def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
-    """The mesh that ``make`` gives on the first rank, where alone it is called, distributed;
+    """Return the mesh that ``make`` gives on the first rank, where alone it is called, distributed;
     collective.
 
     Raises:
@@ -520,7 +521,7 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
 
 
 def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: Indices) -> dmesh.MeshTags:
-    """Tags of entities, given on the first rank by their nodes."""
+    """Return tags of entities, given on the first rank by their nodes."""
     local, of_local = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
@@ -530,8 +531,8 @@ def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: Indices) -> dmesh
 
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
-    """All cells and names of a mesh on the first rank, none on the others, if its degree is at most
-    2; collective.
+    """Return all cells and names of a mesh on the first rank, none on the others, if its degree is
+    at most 2; collective.
     """
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
@@ -656,7 +657,7 @@ def gmsh_mesh(
 
 
 def _rule(text: str) -> Callable[[Array], Flags]:
-    """An expression that is true or positive, as a marker."""
+    """Return an expression that is true or positive, as a marker."""
     expression = Expression(text)
     return lambda x: expression(x) > 0
 
@@ -699,8 +700,8 @@ def tag_boundaries(
 
 
 def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Indices]) -> TaggedMesh:
-    """A mesh with names of parts of its boundary, each with its facets; a facet may have several
-    names; collective.
+    """Return a mesh with names of parts of its boundary, each with its facets; a facet may have
+    several names; collective.
     """
     facets, tags, names = _combined(mesh.comm, boundaries)
     facet_tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets.astype(np.int32), tags)

@@ -80,9 +80,10 @@ class BodySurface:
         return cls(space, nodes[:, split].reshape(-1, dim), np.repeat(behind, len(split)))
 
     def below(self, points: Array, places: Array) -> tuple[Array, Array, Array]:
-        """How deep points are below the closest piece, negative outside, and the length of its
-        longest side, shapes (k,), and its outward normal, shape (k, d); ``places``: positions of
-        the nodes, length, shape (nodes, d); the same on every rank; collective.
+        """Return how deep points are below the closest piece, negative outside, and the length of
+        its longest side, shapes (k,), and its outward normal, shape (k, d); collective.
+
+        ``places``: positions of the nodes, length, shape (nodes, d); the same on every rank.
         """
         dim = self.pieces.shape[1]
         x = places[self.pieces][..., :dim]
@@ -123,9 +124,11 @@ def deepest_corner(
     rigid: Iterable[RigidBodyMotion],
     boundary: ContactBoundary | None,
 ) -> DeepCorner | None:
-    """The corner of the foundations without contact points of its own that is most below the
-    deformed boundary of the body, if that is a notable share of the deformation; ``rigid``: how
-    forces have moved foundations; None: there is none; collective.
+    """Return the corner of the foundations without contact points of its own that is most below the
+    deformed boundary of the body, if that is a notable share of the deformation; None if there is
+    none; collective.
+
+    ``rigid``: how forces have moved foundations.
     """
     felt: Ints = np.zeros((0, 2), dtype=np.int64)
     if boundary is not None and (at := boundary.corners) is not None:
@@ -181,9 +184,9 @@ def deepest_corner(
 
 
 def facing_corners(foundation: PlacedShape, space: fem.FunctionSpace) -> tuple[Array, float] | None:
-    """The corners of a foundation that are rounded by less than the facet of the undeformed body
-    that they point at, length, shape (k, d), and the longest such facet; None: there are none;
-    collective.
+    """Return the corners of a foundation that are rounded by less than the facet of the undeformed
+    body that they point at, length, shape (k, d), and the longest such facet; None if there are
+    none; collective.
     """
     dim = space.mesh.topology.dim
     corners = corners_of(foundation.shape, dim)
@@ -231,7 +234,7 @@ def _points_of(
 
 
 def _split(dim: int, nodes: int) -> Ints:
-    """The flat pieces of a facet with so many nodes, vertices first, by their numbers, shape
+    """Return the flat pieces of a facet with so many nodes, vertices first, by their numbers, shape
     (pieces, d).
     """
     if dim == 2:  # vertices, and those between them in order
@@ -260,7 +263,9 @@ def _normals(x: Array) -> Array:
 
 
 def _closest(points: Array, x: Array) -> Array:
-    """The closest point of each of m segments or triangles to each of b points, shape (b, m, d)."""
+    """Return the closest point of each of m segments or triangles to each of b points, shape (b, m,
+    d).
+    """
     if x.shape[1] == 2:
         return _on_segments(points, x[:, 0], x[:, 1])
     normal = _normals(x)
@@ -283,7 +288,7 @@ def _closest(points: Array, x: Array) -> Array:
 
 
 def _on_segments(points: Array, begin: Array, end: Array) -> Array:
-    """The closest point of each of m segments to each of b points, shape (b, m, d)."""
+    """Return the closest point of each of m segments to each of b points, shape (b, m, d)."""
     along = end - begin
     square = inner(along, along)
     share = np.einsum("bmd,md->bm", points[:, None] - begin, along) / np.where(

@@ -59,9 +59,10 @@ class BoundaryLine:
     def of(
         cls, space: fem.FunctionSpace, facets: Indices, displacement: Array | None
     ) -> BoundaryLine:
-        """Return the line of owned facets of this rank and those of the others; ``displacement``:
-        of the nodes of this rank, ghosts included, length, shape (nodes, d); None: none;
+        """Return the line of owned facets of this rank and those of the others; None: none;
         collective.
+
+        ``displacement``: of the nodes of this rank, ghosts included, length, shape (nodes, d).
         """
         comm = space.mesh.comm
         dim = space.mesh.geometry.dim
@@ -87,25 +88,29 @@ class BoundaryLine:
         return np.linalg.norm(self.x[:, -1] - self.x[:, 0], axis=1)
 
     def behind(self, facet: int, *, last: bool) -> int | None:
-        """The facet behind the last vertex of a facet, or before the first; None: there is none."""
+        """Return the facet behind the last vertex of a facet, or before the first; None if there is
+        none.
+        """
         begins, at = (0, -1) if last else (-1, 0)
         found = np.flatnonzero(self.nodes[:, begins] == self.nodes[facet, at])
         return int(found[0]) if found.size else None
 
     def place(self, facet: int, xi: float) -> tuple[Array, Array, Array]:
-        """The functions of the nodes at a place along a facet, 0 to 1, shape (p + 1,), and position
-        and derivative by it, length, shape (2,).
+        """Return the functions of the nodes at a place along a facet, 0 to 1, shape (p + 1,), and
+        position and derivative by it, length, shape (2,).
         """
         phi, slope, _ = _functions(self.nodes.shape[1] - 1, xi)
         return phi, phi @ self.x[facet], slope @ self.x[facet]
 
     def normal(self, facet: int, xi: float) -> Array:
-        """The outward unit normal, shape (2,)."""
+        """Return the outward unit normal, shape (2,)."""
         _, _, along = self.place(facet, xi)
         return np.array([along[1], -along[0]]) / np.linalg.norm(along)
 
     def foot(self, facet: int, c: Array, xi: float) -> float:
-        """The place along a facet, or on its tangent beyond it, where c is straight above it;
+        """Return the place along a facet, or on its tangent beyond it, where c is straight above
+        it.
+
         ``xi``: near.
         """
         for _ in range(MANY_STEPS):
@@ -119,7 +124,9 @@ class BoundaryLine:
         return xi
 
     def nearest(self, c: Array) -> tuple[int, float]:
-        """The facet that is closest to c, the first of several, and a place along it near that."""
+        """Return the facet that is closest to c, the first of several, and a place along it near
+        that.
+        """
         begin = self.x[:, :-1]
         along = np.diff(self.x, axis=1)
         share = np.einsum("mpd,mpd->mp", c - begin, along) / np.einsum("mpd,mpd->mp", along, along)
@@ -246,7 +253,9 @@ class CornerFeet:
     def slips(self, line: BoundaryLine, places: Array) -> Array:
         """Return how far the points of the body that these feet are on have moved from under the
         corners, which are at ``places`` now, shape (k, 2), length, shape (2 k, 2); zero of corners
-        without a foot; ``line``: of now.
+        without a foot.
+
+        ``line``: of now.
         """
         moved = np.zeros((len(places), 2))
         for k, slot in enumerate(self.first):
@@ -256,8 +265,8 @@ class CornerFeet:
         return np.repeat(moved, 2, axis=0)
 
     def left_out(self, line: BoundaryLine, nodes: Ints, direction: Array) -> Flags:
-        """Which nodes, global numbers, lose their points, whose direction of contact is given,
-        shapes (n,) and (n, 2).
+        """Return which nodes, global numbers, lose their points, whose direction of contact is
+        given, shapes (n,) and (n, 2).
         """
         out = np.isin(nodes, self.on)
         for k in np.flatnonzero(np.isin(nodes, self.beside) & ~out):
@@ -279,9 +288,11 @@ def with_corners(
     factor: Array | None,
     reach: float,
 ) -> ContactBoundary:
-    """The points of a foundation with those of its corners, which one rank has; ``fixed``: which
-    owned dofs are prescribed, shape (owned dofs,); ``factor``: of the surface measure at the nodes
-    of this rank; ``reach``: the gap of points that are alone, length; collective.
+    """Return the points of a foundation with those of its corners, which one rank has; collective.
+
+    ``fixed``: which owned dofs are prescribed, shape (owned dofs,).
+    ``factor``: of the surface measure at the nodes of this rank.
+    ``reach``: the gap of points that are alone, length.
     """
     comm = part.comm
     dim = part.x.shape[1]
@@ -343,8 +354,9 @@ def with_corners(
 
 
 def _functions(degree: int, xi: float) -> tuple[Array, Array, Array]:
-    """The Lagrange functions of a facet at a place from 0 to 1 and their first two derivatives,
-    nodes in order along it, shapes (p + 1,); beyond both ends they go on along their tangents.
+    """Return the Lagrange functions of a facet at a place from 0 to 1 and their first two
+    derivatives, nodes in order along it, shapes (p + 1,); beyond both ends they go on along their
+    tangents.
     """
     if degree == 1:
         return np.array([1.0 - xi, xi]), np.array([-1.0, 1.0]), np.zeros(2)

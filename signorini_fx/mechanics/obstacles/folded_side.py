@@ -37,7 +37,10 @@ class FoldedSide(MovingPair):
     changed = 0
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
-        """Put one undeformed surface on both sides; ``reach``: see ``Pair``."""
+        """Put one undeformed surface on both sides.
+
+        ``reach``: see ``Pair``.
+        """
         surface = sides.slave.surface
         within = default_reach(surface.x, surface.x) if reach is None else reach
         self.whole = replace(surface, wall=walls(surface, within))

@@ -115,7 +115,7 @@ class Foundations:
         self._distances = self._shaped()
 
     def _shaped(self) -> dict[int, Distance]:
-        """The distances from foundations that have shapes, by their numbers."""
+        """Return the distances from foundations that have shapes, by their numbers."""
         distances = {}
         problems = list[tuple[str, str]]()
         for k, contact in enumerate(self._contact):
@@ -164,7 +164,7 @@ class Foundations:
         return [shape if isinstance(shape, Shape) and shape.driven else None for shape in shapes]
 
     def placed_shape(self, number: int) -> SignedDistance | None:
-        """The shape of a contact where it is; None: it has none."""
+        """Return the shape of a contact where it is, or None if it has none."""
         return getattr(self._distances.get(number), "shape", None)
 
     @property
@@ -206,7 +206,7 @@ class Foundations:
             raise FormError(problems)
 
     def measured(self, shape: SignedDistance) -> bool:
-        """Whether forces may move a shape where the contact has a measure."""
+        """Return whether forces may move a shape where the contact has a measure."""
         return False
 
     def place(self, number: int, placement: Mapping[str, Any]) -> None:
@@ -264,13 +264,15 @@ class Foundations:
 
     @property
     def placed(self) -> tuple[Placement | None, ...]:
-        """How the shape of each contact is shifted and turned; None: it has none that can be."""
+        """How the shape of each contact is shifted and turned, or None if it has none that can
+        be.
+        """
         return tuple(
             getattr(self.placed_shape(k), "placement", None) for k in range(len(self._contact))
         )
 
     def moved_shapes(self, placed: Sequence[Placement | None]) -> dict[int, tuple[Shape, Shape]]:
-        """The shapes that are not placed as they were, with these as they were, by their
+        """Return the shapes that are not placed as they were, with these as they were, by their
         numbers.
         """
         shapes = map(self.placed_shape, range(len(placed)))
@@ -283,8 +285,8 @@ class Foundations:
         return moved
 
     def moved(self, boundary: ContactBoundary, placed: Sequence[Placement | None]) -> Array | None:
-        """How far shapes have moved at the points since they were ``placed``, shape (n, d); None:
-        they have not.
+        """Return how far shapes have moved at the points since they were ``placed``, shape (n, d);
+        None if they have not.
         """
         driven = self.driven
         moved = {k: shapes for k, shapes in self.moved_shapes(placed).items() if not driven[k]}
@@ -312,8 +314,8 @@ class Foundations:
         return forms
 
     def factor_of(self, number: int) -> Array | None:
-        """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None:
-        1; collective.
+        """Return the factor of the measure of one contact at all nodes of this rank, shape
+        (nodes,); None: 1; collective.
 
         Raises:
             FormError: it is negative or not finite somewhere.
@@ -326,7 +328,7 @@ class Foundations:
         return np.where(factor <= SAME_NUMBER * largest, 0.0, factor)  # round-off is zero
 
     def shapes(self) -> list[ShapeDistances]:
-        """What decides about the points, as it is now.
+        """Return what decides about the points, as it is now.
 
         Raises:
             FormError: a direction or a measure is wrong somewhere.
@@ -357,9 +359,11 @@ class Foundations:
         at_rest: Flags,
         turned: TurnedNodes | None = None,
     ) -> ContactBoundary:
-        """Weights, frames and positions of the points; ``fixed``: which owned dofs are prescribed,
-        shape (owned dofs,), at nodes that are ``turned`` in their frames; ``at_rest``: see there,
-        ghosts may be included.
+        """Weights, frames and positions of the points.
+
+        ``fixed``: which owned dofs are prescribed, shape (owned dofs,), at nodes that are
+            ``turned`` in their frames.
+        ``at_rest``: see there, ghosts may be included.
         """
         parts = []
         for k, shape in enumerate(shapes):
@@ -378,7 +382,9 @@ class Foundations:
     def points(
         self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
     ) -> ContactBoundary:
-        """The points with rigid bodies, ghosts included in which dofs are prescribed to what."""
+        """Return the points with rigid bodies, ghosts included in which dofs are prescribed to
+        what.
+        """
         owned = self._space.dofmap.index_map.size_local * self._dimension
         return self.rigid_bodies.on(
             self.boundary(shapes, fixed[:owned], self.at_rest(fixed, values))
@@ -391,7 +397,7 @@ class Foundations:
         fixed: Flags,
         turned: TurnedNodes | None,
     ) -> ContactBoundary:
-        """The points of a rigid foundation."""
+        """Return the points of a rigid foundation."""
         space = self._space
         facets = self.facets[number]
         form, function = self.forms[number]
@@ -450,14 +456,14 @@ class Foundations:
     @property
     def displacement(self) -> Array | None:
         """Return the displacement of the nodes of this rank at which corners are projected, length,
-        shape (nodes, d); None: the body is not displaced.
+        shape (nodes, d); None if the body is not displaced.
         """
         return None
 
     def corners_of(self, number: int) -> Corners | None:
-        """Return the corners of a foundation in the plane that have contact points; None: there
-        are none, as where a bound of friction is a stress, which a corner has no area for, or where
-        forces move the foundation; collective.
+        """Return the corners of a foundation in the plane that have contact points, or None if
+        there are none, as where a bound of friction is a stress, which a corner has no area for, or
+        where forces move the foundation; collective.
         """
         contact = self._contact[number]
         if self._space.mesh.topology.dim != 2:
@@ -485,13 +491,16 @@ class Foundations:
         return [np.unique(parallel.gather_rows(mesh.comm, pieces)).size for pieces in found]
 
     def at_rest(self, fixed: Flags, values: Array) -> Flags:
-        """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of
-        it.
+        """Return which dofs are prescribed to be zero, if pairs are there, which alone take notice
+        of it.
         """
         return fixed & (values == 0) & bool(self._masters)
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
-        """The points of a pair; ``known``: the further arguments of ``facing``."""
+        """Return the points of a pair.
+
+        ``known``: the further arguments of ``facing``.
+        """
         from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
         pair = self._contact[number]
@@ -524,13 +533,17 @@ class Foundations:
         return FacingSides.of(self._space, sides, number, flags, taken, turned, rests, factor)
 
     def given_gap(self, number: int) -> Array:
-        """What the user gives of the gap of one contact, at all nodes of this rank; collective."""
+        """Return what the user gives of the gap of one contact, at all nodes of this rank;
+        collective.
+        """
         contact = self._contact[number]
         given = 0.0 if contact.bonded else contact.gap
         return self._values[number](given, f"contact[{number}].gap")
 
     def _gap_of(self, number: int) -> Array:
-        """The gap of one contact at the nodes; what the sides of a pair say points alone have."""
+        """Return the gap of one contact at the nodes; what the sides of a pair say points alone
+        have.
+        """
         contact = self._contact[number]
         gap = self.given_gap(number)
         pair = self._pairs.get(number)
@@ -553,7 +566,7 @@ class Foundations:
         return BodyCells.of(self._space)
 
     def _distance_of(self, number: int) -> Array:
-        """The signed distance from the shape of one contact at all nodes of this rank;
+        """Return the signed distance from the shape of one contact at all nodes of this rank;
         collective.
         """
         comm = self._space.mesh.comm
@@ -589,8 +602,8 @@ class Foundations:
         return dict(self._pairs)
 
     def friction(self) -> list[FrictionLaw | None]:
-        """The laws of friction with their values at all nodes of this rank, as they are now; None:
-        there is none.
+        """Return the laws of friction with their values at all nodes of this rank, as they are now;
+        None if there is none.
 
         Raises:
             FormError: a value is wrong somewhere.
@@ -610,7 +623,7 @@ class Foundations:
         return laws
 
     def data(self, shapes: Sequence[ShapeDistances]) -> list[FoundationData]:
-        """Gaps and friction, as they are now.
+        """Return gaps and friction, as they are now.
 
         Raises:
             FormError: a value is wrong somewhere.
@@ -625,8 +638,8 @@ class Foundations:
         settings: SolverSettings,
         scales: Scales[float],
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """The regularised problem without shifts at the points, and its friction law; None where no
-        law can act.
+        """Return the regularised problem without shifts at the points, and its friction law; None
+        where no law can act.
         """
         law = self.law(boundary, scales.modulus, [entry.law for entry in data])
         closed = [
@@ -655,8 +668,8 @@ class Foundations:
         return RegularisedData.unshifted(gap, *of_method, *points), law
 
     def alone(self, boundary: ContactBoundary) -> Flags:
-        """Which points do not see the other side, shape (n,): nothing holds them, without pressure
-        or with.
+        """Return which points do not see the other side, shape (n,): nothing holds them, without
+        pressure or with.
         """
         corners = boundary.corners
         return np.zeros(boundary.size, dtype=bool) if corners is None else corners.alone.copy()
@@ -667,8 +680,10 @@ class Foundations:
         modulus: float,
         friction: Sequence[FrictionLaw | None] | None = None,
     ) -> PointFriction | None:
-        """The friction at the points, where these cannot move along their normal without pressure;
-        None where none can act; ``modulus``: of the body, stress, up to which pressures are tried;
+        """Return the friction at the points, where these cannot move along their normal without
+        pressure; None where none can act.
+
+        ``modulus``: of the body, stress, up to which pressures are tried.
         ``friction``: None: as it is now.
 
         Raises:

@@ -93,7 +93,7 @@ class PairedSide:
         return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
 
     def owned(self, space: fem.FunctionSpace) -> Flags:
-        """Which of its nodes this rank owns, shape (N,)."""
+        """Return which of its nodes this rank owns, shape (N,)."""
         first, last = space.dofmap.index_map.local_range
         return (self.nodes >= first) & (self.nodes < last)
 
@@ -157,9 +157,9 @@ def averaged_points(
 
 
 def held_along(normal: Array, frames: Array, fixed: Flags) -> Flags:
-    """Which nodes supports hold along their normals, zero where there is none, shape (n, d): no
-    component that is free, not ``fixed``, in their frames, one direction per column, shape (n, d,
-    d), has any of it; shape (n,).
+    """Return which nodes supports hold along their normals, zero where there is none, shape (n, d):
+    no component that is free, not ``fixed``, in their frames, one direction per column, shape (n,
+    d, d), has any of it; shape (n,).
     """
     sizes = np.abs(rmatvec(frames, normal))
     return (np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
@@ -253,11 +253,12 @@ class FacingSides:
         factor: Array | None,
     ) -> FacingSides:
         """Two parts of the boundary, the ``facets`` of the slave and of the master, owned, local
-        numbers; ``fixed``: which displacement components are prescribed at the owned nodes,
-        ``at_rest``: which of them are zero at all times, shapes (owned nodes, d); ``taken``: facets
-        of other contacts, whose nodes carry no points of this one;
-        ``factor``: of the measure, at all nodes of this rank, shape (nodes,), None: 1; a FormError:
-        the sides are curved and the displacement is linear; collective.
+        numbers; a FormError: the sides are curved and the displacement is linear; collective.
+
+        ``fixed``: which displacement components are prescribed at the owned nodes, ``at_rest``:
+            which of them are zero at all times, shapes (owned nodes, d).
+        ``taken``: facets of other contacts, whose nodes carry no points of this one.
+        ``factor``: of the measure, at all nodes of this rank, shape (nodes,), None: 1.
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError.at(
@@ -319,11 +320,11 @@ class FacingSides:
         return np.concatenate((self.slave.surface.x, self.master.surface.x))
 
     def gathered(self, owned: Array) -> Array:
-        """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
+        """Return rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
         return from_owners(owned, self.nodes, self.space.mesh.comm)
 
     def displaced_master(self, owned: Array) -> PairSurface:
-        """The master at a displacement of the owned nodes, length, shape (owned nodes, d);
+        """Return the master at a displacement of the owned nodes, length, shape (owned nodes, d);
         collective.
         """
         return self.master.surface.displaced(
@@ -339,8 +340,8 @@ class FacingSides:
     def points_at(
         self, nodes: Ints, weight: Array, normal: Array, averages: Averages
     ) -> ContactBoundary:
-        """The contact points at nodes of the slave that this rank owns; planes of symmetry hold
-        them.
+        """Return the contact points at nodes of the slave that this rank owns; planes of symmetry
+        hold them.
         """
         points = (self.local(nodes), weight, normal)
         facets = self.slave.facets
@@ -406,9 +407,9 @@ class PairedSides:
         return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
     def stiffness(self, state: ContactState, displacement: Array) -> JointStiffness:
-        """What displacements of the owned nodes change of the contact forces of a state as normals
-        turn from those of ``deformed``, as if they were opposite to those of the master, which is
-        not symmetric, and its transpose; collective.
+        """Return what displacements of the owned nodes change of the contact forces of a state as
+        normals turn from those of ``deformed``, as if they were opposite to those of the master,
+        which is not symmetric, and its transpose; collective.
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
@@ -440,8 +441,8 @@ class PairedSides:
         return JointStiffness(sides.nodes, sp.csr_array(matrix + matrix.T))
 
     def _at_partners(self, master: PairSurface) -> Array:
-        """Sums of the normals of the master at the partners of the points; none across planes of
-        symmetry.
+        """Return sums of the normals of the master at the partners of the points; none across
+        planes of symmetry.
         """
         sums = self.coupling.master @ master.directions
         return sums - matvec(self.across, sums)
@@ -465,7 +466,7 @@ class PairedSides:
         return along_vectors(np.eye(dim) - self.across, relative)
 
     def boundary(self) -> ContactBoundary:
-        """The contact points of this rank; collective."""
+        """Return the contact points of this rank; collective."""
         sides = self.sides
         coupling = self.coupling
         dim = self.sides.slave.surface.dimension
@@ -506,7 +507,10 @@ class MovingPair:
     _known: tuple[SlidingCoupling, ContactBoundary] | None = None  # the last map and its points
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
-        """Two sides, undeformed; ``reach``: None: a default."""
+        """Two sides, undeformed.
+
+        ``reach``: None: a default.
+        """
         surface = sides.slave.surface
         name = f"contact[{sides.index}]"
         if not sides.one and np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
@@ -557,7 +561,7 @@ class MovingPair:
         return ""
 
     def _at(self, displacement: Array) -> SlidingCoupling:
-        """The map at a displacement of the nodes of both sides, shape (m, d)."""
+        """Return the map at a displacement of the nodes of both sides, shape (m, d)."""
         sides = self.sides
         on_slave, on_master = np.split(displacement, [sides.slave.nodes.size])
         slave = sides.slave.surface.displaced(on_slave)
@@ -585,8 +589,8 @@ class MovingPair:
         return tangents - np.einsum("nij,njk->nik", self.across, tangents)
 
     def boundary(self) -> ContactBoundary:
-        """The contact points of this rank; those without a partner do not move, and those in a
-        plane of symmetry not across it.
+        """Return the contact points of this rank; those without a partner do not move, and those in
+        a plane of symmetry not across it.
         """
         if self._known is not None and self._known[0] is self.coupling:
             return self._known[1]
@@ -640,7 +644,9 @@ class MovingPair:
         )
 
     def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
-        """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
+        """Return what the tractions of a state add to the tangent, see ``SlidingCoupling``;
+        collective.
+        """
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = matvec(state.boundary.tangents[rows], state.shear[rows])
         along = rmatvec(self.coupling.frames.tangents, shear)

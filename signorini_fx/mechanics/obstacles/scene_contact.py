@@ -44,8 +44,10 @@ def foundations_of(
     facets: Sequence[Indices],
     masters: Mapping[int, Indices],
 ) -> list[Foundation | Pair]:
-    """The contacts of a scene as foundations, on the facets of each, and as pairs, by their places
-    the masters; ``kinematics``: of the body.
+    """Return the contacts of a scene as foundations, on the facets of each, and as pairs, by their
+    places the masters.
+
+    ``kinematics``: of the body.
     """
     foundations = list[Foundation | Pair]()
     around = None if kinematics.uniform else kinematics.measure_at
@@ -80,7 +82,7 @@ def hard_foundations(contacts: Sequence[Contact], kinematics: Kinematics) -> lis
 
 
 def shape_at_points(shape: SignedDistance | None, kinematics: Kinematics) -> SignedDistance | None:
-    """A shape of a scene as it is asked at points of the body; None: there is none."""
+    """Return a shape of a scene as it is asked at points of the body, or None if there is none."""
     return shape if shape is None or not kinematics.out_of_section else _ShapeOfSection(shape)
 
 
@@ -121,8 +123,9 @@ class SideFigures:
 
     @classmethod
     def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Coefficient) -> SideFigures:
-        """Return the figures of a boundary; ``shear_modulus``: a constant or a cell-wise function,
-        stress; collective.
+        """Return the figures of a boundary; collective.
+
+        ``shear_modulus``: a constant or a cell-wise function, stress.
         """
         mesh = tagged.mesh
         facets = tagged.facets(name)
@@ -140,7 +143,7 @@ class SideFigures:
         return cls(float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
 
     def is_better(self, opposite: SideFigures) -> bool:
-        """Whether this side should rather carry the points."""
+        """Return whether this side should rather carry the points."""
         softer = opposite.stiffness / self.stiffness
         if not 1 / STIFFER_BODY <= softer <= STIFFER_BODY:
             return softer > 1
@@ -149,7 +152,7 @@ class SideFigures:
         return opposite.size / self.size > COARSER_FACETS
 
     def _lies_on(self, opposite: SideFigures) -> bool:
-        """Whether all of this side is within a facet of the other one."""
+        """Return whether all of this side is within a facet of the other one."""
         distance, _ = cKDTree(opposite.vertices).query(self.vertices)
         return bool(np.all(distance <= max(self.size, opposite.size)))
 
@@ -157,13 +160,14 @@ class SideFigures:
 def with_chosen_sides(
     statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Coefficient
 ) -> Statement:
-    """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter;
-    itself if on none;
-    ``facets``: of every boundary that the scene names; ``shear_modulus``: see ``SideFigures.of``;
-    collective.
+    """Return the scene with ``boundary`` and ``against`` exchanged where the points are on the
+    latter; itself if on none; collective.
 
     With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which
     were written for ``boundary``, and where other contacts or supports need the facets.
+
+    ``facets``: of every boundary that the scene names.
+    ``shear_modulus``: see ``SideFigures.of``.
 
     Raises:
         SceneError: the points are asked for on facets that another contact needs.
@@ -205,7 +209,9 @@ def with_chosen_sides(
 def _sharing(
     name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets
 ) -> str | None:
-    """The first of some boundaries that shares facets with one; None: none does; collective."""
+    """Return the first of some boundaries that shares facets with one, or None if none does;
+    collective.
+    """
     for boundary in boundaries:
         if boundary is None or boundary not in facets:
             continue

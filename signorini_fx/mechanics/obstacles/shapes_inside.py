@@ -78,8 +78,8 @@ class BodyCells:
         return cls(space.element.basix_element.cell_type, space.dofmap.list[:owned], x, space)
 
     def placed(self, displacement: Array) -> Array:
-        """Positions of the nodes at a displacement with ghosts, shape (nodes, d); sections stay in
-        their plane.
+        """Return positions of the nodes at a displacement with ghosts, shape (nodes, d); sections
+        stay in their plane.
         """
         places = self.x.copy()
         within = slice(self.space.mesh.topology.dim)
@@ -87,7 +87,7 @@ class BodyCells:
         return places
 
     def corners(self, places: Array) -> Array:
-        """Positions of the vertices of the cells, shape (c, v, d), see ``placed``."""
+        """Return positions of the vertices of the cells, shape (c, v, d), see ``placed``."""
         return places[self.nodes[:, : len(basix.topology(self.kind)[0])]]
 
     @cached_property
@@ -98,9 +98,13 @@ class BodyCells:
         return numbers.reshape(local.shape)
 
     def covering(self, places: Array, x: Array, cells: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return the numbers of points and of cells of this rank that cover them, one pair of
-        both after the other, shapes (k,); ``places``: see ``placed``; ``x``: of the points, shape
-        (n, d); ``cells``: among which they are sought, ascending, None: all.
+        """Return the numbers of points and of cells of this rank that cover them, one pair of both
+        after the other, shapes (k,).
+
+        Args:
+            places: see ``placed``.
+            x: of the points, shape (n, d).
+            cells: among which they are sought, ascending, None: all.
         """
         corners = self.corners(places)
         cells = np.arange(len(corners)) if cells is None else cells
@@ -117,8 +121,8 @@ class BodyCells:
         return point[covered], cells[cell[covered]]
 
     def planes(self, corners: Array) -> tuple[Array, Array]:
-        """Points of the planes of the facets of cells with such corners, and outward normals,
-        shapes (c, f, d).
+        """Return points of the planes of the facets of cells with such corners, and outward
+        normals, shapes (c, f, d).
         """
         facets = [facet[: self.space.mesh.topology.dim] for facet in basix.topology(self.kind)[-2]]
         at = corners[:, np.array(facets)]
@@ -137,8 +141,10 @@ class BodyCells:
 
     def inside(self, places: Array, shape: SignedDistance, added: float = 0.0) -> InsideBody | None:
         """Return the place where a shape, an object with ``distance``, lies inside the body, None:
-        nowhere; ``places``: see ``placed``; ``added``: to the distance, length; hollow and flat
-        shapes are left out; collective.
+        nowhere; collective.
+
+        ``places``: see ``placed``.
+        ``added``: to the distance, length; hollow and flat shapes are left out.
         """
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
@@ -156,8 +162,9 @@ class BodyCells:
         added: float = 0.0,
     ) -> InsideBody | None:
         """Return the place where the shape has been inside the body on the straight way between two
-        states, places of the nodes and the shape; None: nowhere; ``added``: see ``inside``;
-        collective.
+        states, places of the nodes and the shape; None: nowhere; collective.
+
+        ``added``: see ``inside``.
         """
         begun, earlier = before
         ended, shape = now
@@ -206,8 +213,8 @@ class BodyCells:
         of_cell: float,
         yielding: float = 0.0,
     ) -> InsideBody | None:
-        """The deepest point deeper in the shape than these shares of its inradius and of the radius
-        of the cell.
+        """Return the deepest point deeper in the shape than these shares of its inradius and of the
+        radius of the cell.
         """
         radius = _inradius(shape) - max(added, 0.0)
         endless = radius == math.inf and (
@@ -251,14 +258,16 @@ class BodyCells:
 
 
 def _inradius(shape: SignedDistance) -> float:
-    """Radius of the largest ball in a shape; infinite where there is none, or it does not say
-    it.
+    """Return radius of the largest ball in a shape; infinite where there is none, or it does not
+    say it.
     """
     return float(getattr(shape, "inradius", math.inf))
 
 
 def _reach(corners: Array) -> Array:
-    """Return the largest distance from the middle of each cell to its vertices, shape (c,);
-    ``corners``: shape (c, v, d).
+    """Return the largest distance from the middle of each cell to its vertices, shape (c,).
+
+    Args:
+        corners: shape (c, v, d).
     """
     return np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)

@@ -100,7 +100,9 @@ def chosen_sides(surface: PairSurface, reach: float, before: Ints) -> Ints:
 
 def _spread(side: Ints, joined: sp.csr_array, within: Flags) -> None:
     """Give facets without a side that of those that they are joined to, again and again; the sign
-    tells whether it is the same; ``within``: which facets get one, shape (f,).
+    tells whether it is the same.
+
+    ``within``: which facets get one, shape (f,).
     """
     new = within
     while new.any():

@@ -21,8 +21,8 @@ Pairs = tuple[Ints, Ints]
 
 
 def constrained(movable: Array) -> Flags:
-    """Nodes of the slave that are held over what is held of the master, by more than half; see
-    ``Tested.movable``.
+    """Return nodes of the slave that are held over what is held of the master, by more than half;
+    see ``Tested.movable``.
     """
     return movable < 0.5 - SAME_NUMBER
 
@@ -74,12 +74,13 @@ def carried(
 def carried_evenly(
     side: PairSurface, covered: Ints, weight: Array, movable: Array
 ) -> tuple[Ints, sp.csr_array]:
-    """Redistribute the functions of points of a side that slides, evenly as weights change;
-    ``movable``: see ``Tested``.
+    """Redistribute the functions of points of a side that slides, evenly as weights change.
 
     Between two shares of its area the function of a node at the rim turns into a mean of those
     beside it, so that what it adds to their conditions vanishes before it is no point any more.  So
     does that of a node that supports hold, by how much of the other side is held there, too.
+
+    ``movable``: see ``Tested``.
     """
     pairs, tested_nodes = _together(side, covered)
     able = tested_nodes & ~side.unable & ~side.without_area & (side.area > 0)
@@ -139,8 +140,8 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Ints) -> sp.csr_array:
 
 
 def _by_rows(values: Array, rows: Ints, columns: Ints, shape: tuple[int, int]) -> sp.csr_array:
-    """A sparse matrix of entries at different places: in a third of the time of one that looks for
-    the same.
+    """Return a sparse matrix of entries at different places: in a third of the time of one that
+    looks for the same.
     """
     order = np.argsort(rows, kind="stable")
     ends = np.append(0, np.bincount(rows, minlength=shape[0]).cumsum())
@@ -150,8 +151,8 @@ def _by_rows(values: Array, rows: Ints, columns: Ints, shape: tuple[int, int]) -
 def _mixed(
     shares: sp.csr_array, nodes: Ints, weights: tuple[Array, Array], portion: Array
 ) -> sp.csr_array:
-    """The shares of points that are not all their own with those of the points that took over the
-    rest of them.
+    """Return the shares of points that are not all their own with those of the points that took
+    over the rest of them.
     """
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
@@ -176,8 +177,8 @@ def _mixed(
 
 
 def extended(side: PairSurface, nodes: Ints, values: Array) -> Array:
-    """Values at some nodes, ascending, shape (n, k), and at all others with test functions the
-    means of those beside them, ring by ring, shape (N, k); zero where no ring arrives.
+    """Return values at some nodes, ascending, shape (n, k), and at all others with test functions
+    the means of those beside them, ring by ring, shape (N, k); zero where no ring arrives.
     """
     (to, of), _ = _together(side, np.arange(len(side.nodes)))
     extension: Array = np.zeros((len(side.x), values.shape[1]))
@@ -192,7 +193,7 @@ def extended(side: PairSurface, nodes: Ints, values: Array) -> Array:
 
 
 def _together(side: PairSurface, facets: Ints) -> tuple[Pairs, Flags]:
-    """The nodes of a side, two each, that have test functions on one of some facets, in both
+    """Return the nodes of a side, two each, that have test functions on one of some facets, in both
     orders, ascending, and which nodes have any there, shape (N,).
     """
     tests = side.points[facets]
@@ -205,7 +206,9 @@ def _together(side: PairSurface, facets: Ints) -> tuple[Pairs, Flags]:
 
 
 def _taken_over(pairs: Pairs, able: Flags) -> tuple[Ints, sp.csr_array]:
-    """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
+    """Return nodes that carry a point, and how they take over the functions of others, ring by
+    ring.
+    """
     to, of = pairs
     nodes = np.flatnonzero(able)
     done = able

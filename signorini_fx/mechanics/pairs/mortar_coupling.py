@@ -114,8 +114,8 @@ class Coupling:
         return -self.both[:, self.first :]
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
-        """Displacements of slave nodes, all along one direction, that move the points by one each:
-        D times them is one, but for hats.  Sparse, shape (nodes of the slave, n).
+        """Return displacements of slave nodes, all along one direction, that move the points by one
+        each: D times them is one, but for hats.  Sparse, shape (nodes of the slave, n).
         """
         # A test function meets the function of its own node, on quadratic triangles the hat, and no
         # other one.
@@ -136,11 +136,13 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tested:
-    """The overlap of two sides, with the functions of the points on what is covered; ``bonded``:
-    see ``couple``.
+    """The overlap of two sides, with the functions of the points on what is covered.
 
     Each rank has the pieces on its share of the facets of the slave.  What is said of nodes and
     facets is of all ranks, and collective.
+
+    Attributes:
+        bonded: see ``couple``.
     """
 
     slave: PairSurface
@@ -267,9 +269,9 @@ class Tested:
         return mean
 
     def products(self) -> sp.csr_array:
-        """Integrals of the functions on all pairs of facets times those of both sides, beside them
-        the areas over which they see the nodes, and integrals of the distance, sparse, shape (f t,
-        2 m + d).
+        """Return integrals of the functions on all pairs of facets times those of both sides,
+        beside them the areas over which they see the nodes, and integrals of the distance, sparse,
+        shape (f t, 2 m + d).
         """
         overlap = self.overlap
         products = overlap.of_pairs(
@@ -313,8 +315,8 @@ class Tested:
         return np.flatnonzero(self.area)
 
     def moments(self, values: Array) -> Array:
-        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N,
-        k).
+        """Return integrals of functions times values at the points, shape (p, q, k), by nodes,
+        shape (N, k).
         """
         integrals = np.zeros((len(self.slave.x), values.shape[2]))
         np.add.at(
@@ -332,7 +334,7 @@ def couple(
     reach: float | None = None,
     sharing: Sharing = ALONE,
 ) -> Coupling:
-    """The map of a pair; collective.
+    """Return the map of a pair; collective.
 
     Args:
         slave: the side with the points.
@@ -378,8 +380,8 @@ def couple(
 def coupled(
     tested: Tested, nodes: Ints, shares: sp.csr_array, *, nominal: bool = False
 ) -> Coupling:
-    """The map of both sides at the points of this rank, of those at ``nodes``, which take over such
-    shares of functions; those that take none are alone; collective.
+    """Return the map of both sides at the points of this rank, of those at ``nodes``, which take
+    over such shares of functions; those that take none are alone; collective.
     """
     slave = tested.slave
     master = tested.master
@@ -435,9 +437,11 @@ def projected(
     nominal: bool = False,
     apart: bool = False,
 ) -> tuple[Tested, Array | None]:
-    """The overlap of both sides with the functions of the points, and the directions of projection
-    at the nodes of the slave, shape (N, d); None: its normals; see ``couple``; ``apart``: whether
-    it may be that no facet has a partner; collective.
+    """Return the overlap of both sides with the functions of the points, and the directions of
+    projection at the nodes of the slave, shape (N, d); None: its normals; see ``couple``;
+    collective.
+
+    ``apart``: whether it may be that no facet has a partner.
     """
     facets = sharing.part(len(slave.nodes))
     parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))

@@ -36,9 +36,11 @@ _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 def space_overlap(
     slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """The overlap in 3D, some triangles for each pair of parts that meet; ``reach``: distance
-    beyond which parts are no partners, length; ``directions``: of projection at the nodes of the
-    slave with test functions, shape (N, 3), None: the normals of its parts; collective.
+    """Return the overlap in 3D, some triangles for each pair of parts that meet; collective.
+
+    ``reach``: distance beyond which parts are no partners, length.
+    ``directions``: of projection at the nodes of the slave with test functions, shape (N, 3), None:
+        the normals of its parts.
     """
     slave = slave_parts.side
     master = master_parts.side
@@ -109,8 +111,8 @@ def turned(parts: Parts, directions: Array, comm: MPI.Comm) -> float:
 
 
 def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
-    """The direction of projection at the middle of each part, and the tangent of its angle to the
-    normal.
+    """Return the direction of projection at the middle of each part, and the tangent of its angle
+    to the normal.
     """
     shape = side.functions.tests.values(parts.reference.mean(axis=1))
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
@@ -122,7 +124,7 @@ def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, A
 
 
 def _affine(side: PairSurface, facets: Ints) -> bool:
-    """Whether maps from the reference facet to these facets are affine."""
+    """Return whether maps from the reference facet to these facets are affine."""
     corners = side.corners[np.unique(facets)]
     places = side.functions.places
     away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
@@ -132,8 +134,9 @@ def _affine(side: PairSurface, facets: Ints) -> bool:
 
 
 def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
-    """Return the degree of the quadrature on each triangle; ``affine``: whether the maps of the
-    facets of both sides are.
+    """Return the degree of the quadrature on each triangle.
+
+    ``affine``: whether the maps of the facets of both sides are.
     """
     highest = max(lagrange.degree for lagrange in functions)
     simplices = all(lagrange.simplex for lagrange in functions)
@@ -145,8 +148,8 @@ def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
 def projected_places(
     side: PairSurface, facets: Ints, at: Array, p: Array, centre: Array, axes: Array
 ) -> Array:
-    """The places on curved facets whose projections are the points p of the planes, by Newton's
-    method from ``at``.
+    """Return the places on curved facets whose projections are the points p of the planes, by
+    Newton's method from ``at``.
     """
     return _places_of(
         side.functions, (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1), p, at
@@ -197,7 +200,7 @@ def _areas(polygon: Array, count: Ints) -> Array:
 
 
 def counterclockwise(polygon: Array) -> Array:
-    """Polygons with their corners in this order."""
+    """Return polygons with their corners in this order."""
     area = _areas(polygon, np.full(len(polygon), polygon.shape[1]))
     return np.where((area < 0)[:, None, None], polygon[:, ::-1], polygon)
 
@@ -261,7 +264,7 @@ def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple
 def plane_overlap(
     slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """The overlap, one piece for each pair of facets that meet; for the arguments see
+    """Return the overlap, one piece for each pair of facets that meet; for the arguments see
     ``space_overlap``, d = 2.
 
     Directions at nodes are the normals of the slave where none are given.
@@ -300,9 +303,10 @@ def plane_overlap(
 
 
 def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> Array:
-    """The places s in [0, 1] of the points of facets with such corners, shape (m, k, d), under
-    points, shape (m, q, d), or the ends beyond which they are; ``ways``: factors of the powers of s
-    in the directions, shape (m, w, q or 1, d).
+    """Return the places s in [0, 1] of the points of facets with such corners, shape (m, k, d),
+    under points, shape (m, q, d), or the ends beyond which they are.
+
+    ``ways``: factors of the powers of s in the directions, shape (m, w, q or 1, d).
     """
     places = functions.polynomials(corners - corners[:, :1])[:, :, None]
     along = places[:, 1:].sum(axis=1)
@@ -345,8 +349,8 @@ def _crossing(factors: Array) -> Array:
 
 
 def _powers(factors: Array, s: Array) -> Array:
-    """The values of polynomials at s, with factors of powers in ascending order along the first
-    axis.
+    """Return the values of polynomials at s, with factors of powers in ascending order along the
+    first axis.
     """
     value = factors[-1]
     for factor in factors[-2::-1]:

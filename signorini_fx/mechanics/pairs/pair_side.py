@@ -58,8 +58,8 @@ class Lagrange:
         return np.asarray(np.linalg.inv(self._monomials(self.places)), dtype=np.float64)
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
-        """The monomials at points of shape (..., d - 1), or their derivatives along one direction,
-        shape (..., k).
+        """Return the monomials at points of shape (..., d - 1), or their derivatives along one
+        direction, shape (..., k).
         """
         factors = []
         for axis, power in enumerate(self._exponents):
@@ -186,13 +186,15 @@ class PairSurface:
         sign: Array,
         measure: Array | None = None,
     ) -> PairSurface:
-        """A side that nothing holds."""
+        """Return a side that nothing holds."""
         none = np.zeros(len(x), dtype=bool)
         return cls(nodes, x, functions, sign, np.zeros((*x.shape, x.shape[1])), none, none, measure)
 
     def displaced(self, displacement: Array) -> PairSurface:
-        """Return the surface with displaced nodes and the areas of the undeformed surface;
-        ``displacement``: shape (N, d).
+        """Return the surface with displaced nodes and the areas of the undeformed surface.
+
+        Args:
+            displacement: shape (N, d).
         """
         start = self if self.undeformed is None else self.undeformed
         return replace(start, x=start.x + displacement, undeformed=start)
@@ -244,7 +246,7 @@ class PairSurface:
         return across(self.functions.slopes(at) @ self.corners[facets])
 
     def positions(self, facets: Ints, at: Array) -> Array:
-        """Positions of points of each facet, length, shapes as in ``normals``."""
+        """Return positions of points of each facet, length, shapes as in ``normals``."""
         return self.functions.values(at) @ self.corners[facets]
 
     @cached_property
@@ -298,8 +300,8 @@ class PairSurface:
         return moments
 
     def in_planes(self, vectors: Array, nodes: Ints) -> Array:
-        """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry,
-        and of length one; zero where they are.
+        """Return vectors at some nodes, shape (m, d), without what they have across planes of
+        symmetry, and of length one; zero where they are.
         """
         vectors = vectors - (self.across[nodes] @ vectors[..., None])[..., 0]
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -512,15 +514,15 @@ class Overlap:
 
 
 def summed(shape: tuple[int, int], values: Array, rows: Ints, columns: Ints) -> sp.csr_array:
-    """A sparse matrix, the sum of values, of shapes that are broadcast."""
+    """Return a sparse matrix, the sum of values, of shapes that are broadcast."""
     narrow = (entry.astype(np.int32) for entry in (rows, columns))
     flat = [entry.ravel() for entry in np.broadcast_arrays(values, *narrow)]
     return sp.csr_array((flat[0], (flat[1], flat[2])), shape=shape)
 
 
 def in_rows(values: Array, columns: Ints, width: int) -> sp.csr_array:
-    """A sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in columns that
-    all rows of a piece have, shape (p, c).
+    """Return a sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in
+    columns that all rows of a piece have, shape (p, c).
     """
     count, rows, entries = values.shape
     indices = np.repeat(columns, rows, axis=0)
@@ -529,14 +531,16 @@ def in_rows(values: Array, columns: Ints, width: int) -> sp.csr_array:
 
 
 def components(nodes: Ints, dimension: int) -> Ints:
-    """The numbers of the components of vectors at nodes, shape (..., k): shape (..., d k)."""
+    """Return the numbers of the components of vectors at nodes, shape (..., k): shape (..., d
+    k).
+    """
     return (dimension * nodes[..., None] + np.arange(dimension)).reshape(
         *nodes.shape[:-1], dimension * nodes.shape[-1]
     )
 
 
 def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
-    """A matrix of nodes as one of vectors at them, which does the same to each of so many
+    """Return a matrix of nodes as one of vectors at them, which does the same to each of so many
     components.
     """
     shape = (count * matrix.shape[0], count * matrix.shape[1])
@@ -580,8 +584,10 @@ def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
 def turning_of(
     arms: sp.csr_array, places: Sequence[Array], distances: Sequence[Array]
 ) -> sp.bsr_array:
-    """The sum of omega_i(u) x d_i over sides as a matrix, see ``Coupling``; ``arms``: a_il, shape
-    (n, m), ``places``: of the nodes of each side, ``distances``: its d_i, shape (n, d).
+    """Return the sum of omega_i(u) x d_i over sides as a matrix, see ``Coupling``.
+
+    ``arms``: a_il, shape (n, m), ``places``: of the nodes of each side, ``distances``: its d_i,
+        shape (n, d).
     """
     arms.sort_indices()
     count, dim = distances[0].shape
@@ -615,7 +621,9 @@ def turning_of(
 
 def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
     """Return the derivative of ``nodal_normals`` by displacements of the nodes of sides, sparse,
-    shape (d m, d m); ``turned_too``: maps these turns to those of other vectors, shape (m, d, d).
+    shape (d m, d m).
+
+    ``turned_too``: maps these turns to those of other vectors, shape (m, d, d).
     """
     parts = []
     first = 0
@@ -632,8 +640,8 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
 
 
 def across(along: Array) -> Array:
-    """The normals of d - 1 tangents, shape (d - 1, ..., d), shape (..., d): in 2D a tangent turned
-    clockwise.
+    """Return the normals of d - 1 tangents, shape (d - 1, ..., d), shape (..., d): in 2D a tangent
+    turned clockwise.
     """
     return (
         np.cross(*along)
@@ -643,7 +651,7 @@ def across(along: Array) -> Array:
 
 
 def _crossing(vectors: Array) -> Array:
-    """The matrices of v x ., shape (n, 3, 3), in 2D (n, 1, 2)."""
+    """Return the matrices of v x ., shape (n, 3, 3), in 2D (n, 1, 2)."""
     if vectors.shape[1] == 2:
         return np.stack((-vectors[:, 1], vectors[:, 0]), axis=1)[:, None]
     matrices = np.zeros((len(vectors), 3, 3))

@@ -92,10 +92,14 @@ class Parts(Patches):
 
 
 def default_reach(slave: Array, master: Array) -> float:
-    """A distance beyond which facets cannot come into contact, length: the smallest distance of
-    both sides, and a share of the size of the smaller one, twice the largest distance from its
-    middle, which does not depend on the axes; ``slave``, ``master``: positions of the nodes of both
-    sides, shape (n, d).
+    """Return a distance beyond which facets cannot come into contact, length.
+
+    It is the smallest distance of both sides, and a share of the size of the smaller one: twice the
+    largest distance from its middle, which does not depend on the axes.
+
+    Args:
+        slave: positions of the nodes of one side, shape (n, d).
+        master: those of the other one.
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
     sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
@@ -103,13 +107,14 @@ def default_reach(slave: Array, master: Array) -> float:
 
 
 def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Ints, Ints]:
-    """Pairs of patches that face each other, one over the other as seen along its normal, and
-    within reach, length: numbers of both patches of each pair, ascending, shape (m,) each;
-    ``turning``: tangent of the angle between the directions of projection and the normal of each
-    patch of the slave, shape (p,).
+    """Return pairs of patches that face each other, one over the other as seen along its normal,
+    and within reach, length: numbers of both patches of each pair, ascending, shape (m,) each.
 
     Partners are nearer than the focus of a side that is concave, where its normals cross, and not
     behind the middle of the own wall.
+
+    ``turning``: tangent of the angle between the directions of projection and the normal of each
+        patch of the slave, shape (p,).
     """
     if not len(slave.corners) or not len(master.corners):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)

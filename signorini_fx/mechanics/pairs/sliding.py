@@ -151,11 +151,13 @@ def slide(
     whole: PairSurface | None = None,
     sharing: Sharing = ALONE,
 ) -> SlidingCoupling:
-    """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``:
-    nodes of the slave that have a point, ascending, shape (n,); ``reach``: distance beyond which
-    facets are no partners, length; ``whole``: the surface of which the slave is a part, which
-    points that see no partner belong to; None: the slave; ``sharing``: between the ranks; a
-    PairingError: a facet sees two sheets of the master; collective.
+    """Return the map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; None:
+    the slave; a PairingError: a facet sees two sheets of the master; collective.
+
+    ``points``: nodes of the slave that have a point, ascending, shape (n,).
+    ``reach``: distance beyond which facets are no partners, length.
+    ``whole``: the surface of which the slave is a part, which points that see no partner belong to.
+    ``sharing``: between the ranks.
     """
     tested, directions = projected(slave, master, reach, sharing, apart=True)
     assert directions is not None

@@ -104,8 +104,10 @@ class SlidingPieces:
     def of(
         cls, tested: Tested, directions: Array, points: Ints, mean: sp.csr_array
     ) -> SlidingPieces:
-        """Return the pieces of two sides; ``directions``: of projection at the nodes of the slave,
-        of length one, shape (N, d); for ``points`` and ``mean`` see the attributes.
+        """Return the pieces of two sides.
+
+        ``directions``: of projection at the nodes of the slave, of length one, shape (N, d); for
+            ``points`` and ``mean`` see the attributes.
         """
         slave = tested.slave
         master = tested.master
@@ -179,7 +181,10 @@ class SlidingPieces:
     def stiffness(self, acting: Array) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points of this rank, and what
         shears there change of the forces on the master as places shift, sparse, shape (d m, d m),
-        the sum over the ranks; ``acting``: both, shape (n, 1 + d); collective.
+        the sum over the ranks; collective.
+
+        Args:
+            acting: both, shape (n, 1 + d).
         """
         tests = self.tested.weighted.shape[2]
         pair = self.tested.overlap.pair
@@ -213,7 +218,7 @@ class SlidingPieces:
         return self.spread.T.tocsr() @ joint @ self.spread
 
     def _second(self, pieces: Ints, forces: Array, shears: Array) -> Array:
-        """The products of some pieces, shape (k, d c, d c)."""
+        """Return the products of some pieces, shape (k, d c, d c)."""
         share = self.share[pieces]
         facing = self.facing[pieces]
         across = self.across[pieces]
@@ -240,8 +245,9 @@ class SlidingPieces:
         return total
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
-        """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c); ``across``: those without
-        a part along N.
+        """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c).
+
+        ``across``: those without a part along N.
         """
         count = factor.shape[2] - self.turns.shape[2]
         return np.concatenate(
@@ -249,8 +255,8 @@ class SlidingPieces:
         )
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
-        """The matrix of displacements at the points of this rank with these means of integrals on
-        pieces, shape (p, i, d c); collective.
+        """Return the matrix of displacements at the points of this rank with these means of
+        integrals on pieces, shape (p, i, d c); collective.
         """
         columns = components(self.blocks, self.facing.shape[2])
         integrals = self.tested.overlap.of_pairs(entries)

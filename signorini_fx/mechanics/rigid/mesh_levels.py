@@ -66,8 +66,8 @@ class MeshLevel:
         return int(self.space.dofmap.index_map.size_local)
 
     def modes(self) -> PETSc.NullSpace:
-        """Translations and rotations, orthonormal: what multigrid must not forget on its coarse
-        levels.
+        """Return translations and rotations, orthonormal: what multigrid must not forget on its
+        coarse levels.
 
         Multigrid coarsens locally, where the motions of a piece are those of the whole body.
         """
@@ -85,7 +85,7 @@ class MeshLevel:
         return PETSc.NullSpace().create(vectors=vectors, comm=self.space.mesh.comm)
 
     def vector(self) -> PETSc.Vec:
-        """A vector of the displacements, zero; collective."""
+        """Return a vector of the displacements, zero; collective."""
         return PETSc.Vec().createMPI((self.owned * self.block, None), comm=self.space.mesh.comm)
 
     def free_components(self) -> PETSc.Vec:
@@ -121,8 +121,8 @@ class MeshLevel:
         return row_by_row(matrix)
 
     def start(self) -> PETSc.Vec | None:
-        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero;
-        collective.
+        """Return the displacement of the coarser mesh in the unknowns of this one, prescribed ones
+        zero; collective.
         """
         coarse = self.coarser
         interpolation = self.interpolation
@@ -137,7 +137,7 @@ class MeshLevel:
         return start
 
     def _shares(self, coarse: MeshLevel) -> scipy.sparse.csr_matrix | None:
-        """Shares of the coarse nodes (global numbers) in each owned node; None: some
+        """Return shares of the coarse nodes (global numbers) in each owned node, or None if some
         node is nowhere.
         """
         from signorini_fx.mechanics.mesh.points import at_points
@@ -151,7 +151,7 @@ class MeshLevel:
             pieces = self.motions.piece[: self.owned], coarse.motions.pieces.of_cell
 
         def at(cells: Indices, points: Array) -> Array:
-            """The nodes of cells, and their shares in points there."""
+            """Return the nodes of cells, and their shares in points there."""
             nodes = dofmap.index_map.local_to_global(dofmap.list[cells].ravel()).reshape(
                 len(cells), -1
             )

@@ -24,7 +24,7 @@ _LOAD = "rigid load"
 
 
 def masses(rigid: RigidBodies) -> Array:
-    """The masses of all unknowns, of rotations moments of inertia over L^2, shape (k,)."""
+    """Return the masses of all unknowns, of rotations moments of inertia over L^2, shape (k,)."""
     dim = rigid.kinematics.dimension
     rows = [body.motion.masses(dim)[: rigid.units.size] / rigid.units**2 for body in rigid.bodies]
     return np.array(rows, dtype=np.float64).ravel()
@@ -56,7 +56,9 @@ def refuse_massless(rigid: RigidBodies) -> None:
 def heavier(
     rigid: RigidBodies, body: RigidBody, factor: float, **more: float | tuple[float, ...]
 ) -> RigidBody:
-    """A rigid body with springs of a factor times its masses, and other keys of its motion."""
+    """Return a rigid body with springs of a factor times its masses, and other keys of its
+    motion.
+    """
     dim = rigid.kinematics.dimension
     stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
     spring = dict(zip(COMPONENTS[dim], map(float, stiffness), strict=True))
@@ -82,7 +84,9 @@ def driven_to_end(rigid: RigidBodies, state: State, dt: float) -> list[RigidBody
 
 
 def set_in_motion(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> State:
-    """A state from which rigid bodies move with the velocities that are given, under loads."""
+    """Return a state from which rigid bodies move with the velocities that are given, under
+    loads.
+    """
     if not rigid.bodies:
         return state
     dim = rigid.kinematics.dimension
@@ -96,20 +100,20 @@ def _moving(rigid: RigidBodies, state: State, velocity: Array, drives: Sequence[
 
 
 def _together(rigid: RigidBodies, drives: Sequence[Drive]) -> tuple[Array, Array]:
-    """Loads and prescribed motions of all unknowns, nan where they are free, shapes (k,)."""
+    """Return loads and prescribed motions of all unknowns, nan where they are free, shapes (k,)."""
     loads, motions = (np.ravel([drive[k] for drive in drives]) for k in (0, 1))
     units = np.tile(rigid.units, len(rigid.bodies))
     return loads / units, motions * units
 
 
 def velocity_of(state: State) -> Array:
-    """The velocities of the unknowns of rigid bodies, length / time, shape (k,)."""
+    """Return the velocities of the unknowns of rigid bodies, length / time, shape (k,)."""
     field = state.fields.get(_VELOCITY)
     return np.zeros_like(state.rigid) if field is None else field.values.ravel()
 
 
 def mean_loads(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> Array:
-    """The mean loads of all unknowns in a step that ends with drives, shape (k,)."""
+    """Return the mean loads of all unknowns in a step that ends with drives, shape (k,)."""
     if not rigid.bodies:
         return np.zeros(0)
     return np.asarray(0.5 * (_together(rigid, drives)[0] + state.fields[_LOAD].values.ravel()))
@@ -118,7 +122,7 @@ def mean_loads(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> Arr
 def in_middle(
     rigid: RigidBodies, state: State, drives: Sequence[Drive], dt: float
 ) -> tuple[Driven, list[Drive]]:
-    """What drives rigid bodies in the middle of a step, by their unknowns and for each."""
+    """Return what drives rigid bodies in the middle of a step, by their unknowns and for each."""
     aim = state.rigid + 0.5 * dt * velocity_of(state)
     forces = mean_loads(rigid, state, drives) + 4.0 / dt**2 * masses(rigid) * aim
     _, motions = _together(rigid, drives)
@@ -132,7 +136,7 @@ def in_middle(
 def moved_on(
     rigid: RigidBodies, state: State, new: State, drives: Sequence[Drive], dt: float, part: float
 ) -> State:
-    """The end of a step whose unknowns of rigid bodies are those after a part of it."""
+    """Return the end of a step whose unknowns of rigid bodies are those after a part of it."""
     if not rigid.bodies:
         return new
     mean = (new.rigid - state.rigid) / (part * dt)
@@ -141,11 +145,15 @@ def moved_on(
 
 
 def free_motion(rigid: RigidBodies, values: Array) -> Array:
-    """Unknowns of rigid bodies without those that are prescribed, which others move, shape (k,)."""
+    """Return unknowns of rigid bodies without those that are prescribed, which others move, shape
+    (k,).
+    """
     return np.where(rigid.fixed, 0.0, values) if rigid.bodies else values
 
 
 def energy(rigid: RigidBodies, values: Array, stiffness: Array | None = None) -> float:
-    """The energy of the motions that are free, of springs or, None, of the masses at velocities."""
+    """Return the energy of the motions that are free, of springs or, None, of the masses at
+    velocities.
+    """
     weights = masses(rigid) if stiffness is None else stiffness
     return float(0.5 * weights @ free_motion(rigid, values) ** 2)

@@ -54,7 +54,7 @@ class Driven:
 
     @classmethod
     def together(cls, parts: Sequence[tuple[float, Driven]]) -> Driven | None:
-        """The sum of several times their factors; None: there are none."""
+        """Return the sum of several times their factors, or None if there are none."""
         if not parts:
             return None
         scaled = [(factor * drive.forces, factor * drive.motion) for factor, drive in parts]
@@ -87,7 +87,7 @@ class RigidBodies:
         return [part for body in self.bodies for part in body.parts]
 
     def on(self, boundary: ContactBoundary) -> ContactBoundary:
-        """The contact points on rigid bodies that move."""
+        """Return the contact points on rigid bodies that move."""
         if not self.bodies:
             return boundary
         motion_count = self.kinematics.motions
@@ -114,7 +114,9 @@ class RigidBodies:
         return boundary.centre
 
     def drives(self, time: float = 0.0) -> list[Drive]:
-        """Forces and moments on each of them at a time, and what is prescribed, shapes (m,)."""
+        """Return forces and moments on each of them at a time, and what is prescribed, shapes
+        (m,).
+        """
         return [body.motion.drive(self.kinematics.dimension, time) for body in self.bodies]
 
     @property
@@ -135,7 +137,7 @@ class RigidBodies:
         return np.array(of_bodies, dtype=np.float64).ravel()
 
     def driven(self, time: float = 0.0, number: int | None = None) -> Driven:
-        """What drives them, or one of them alone, at a time."""
+        """Return what drives them, or one of them alone, at a time."""
         drives = np.array(self.drives(time), dtype=np.float64).reshape(
             len(self.bodies), 2, self.units.size
         )
@@ -146,7 +148,7 @@ class RigidBodies:
         )
 
     def moved(self, unknowns: Array) -> tuple[RigidBodyMotion, ...]:
-        """How they have moved, from their unknowns in a displacement, see
+        """Return how they have moved, from their unknowns in a displacement, see
         ``Model.driven``.
         """
         dim = self.kinematics.dimension
@@ -175,14 +177,15 @@ class RigidBodyMotion:
     rotation: Array
 
     def at(self, x: Array) -> Array:
-        """The displacement of the rigid body at points of shape (n, d), length."""
+        """Return the displacement of the rigid body at points of shape (n, d), length."""
         motion = np.concatenate((self.translation, self.rotation))
         return rigid_modes(x, self.reference, np.array(1.0)) @ motion
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Shape]) -> float:
         """Return the largest difference of the gap in the final position of the rigid body from the
-        linearised one, where it presses, length; ``shapes``: in the initial position, by the places
-        of its contacts; collective.
+        linearised one, where it presses, length; collective.
+
+        ``shapes``: in the initial position, by the places of its contacts.
         """
         if not np.isfinite(self.translation).all():
             return np.nan
@@ -212,9 +215,11 @@ class RigidBodyMotion:
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
     ) -> dict[str, Any]:
-        """A row of the summary: its motion, the force and moment of the body on it, and
-        ``gap_error``; ``contacts``: of the scene; ``kinematics``: of the body, by which some forces
-        and moments cancel; collective.
+        """Return a row of the summary: its motion, the force and moment of the body on it, and
+        ``gap_error``; collective.
+
+        ``contacts``: of the scene.
+        ``kinematics``: of the body, by which some forces and moments cancel.
         """
         from signorini_fx.machine.display import clean
 
@@ -251,10 +256,11 @@ class RigidBodyMotion:
     def unbalanced(
         self, drive: Drive, resultant: tuple[Array, float, float], least: float = 0.0
     ) -> float:
-        """The largest force or moment on a free component that contact tractions with such a
+        """Return the largest force or moment on a free component that contact tractions with such a
         ``resultant``, see ``ContactNodes.resultant``, do not balance, and the largest miss of a
-        prescribed one, as a share of the forces at the rigid body, or of its motion; ``least``: a
-        force that is round-off.
+        prescribed one, as a share of the forces at the rigid body, or of its motion.
+
+        ``least``: a force that is round-off.
         """
         load, prescribed = drive
         taken, size, reach = resultant
@@ -277,6 +283,6 @@ class RigidBodyMotion:
 
 
 def turn_of(turn: Array) -> Array:
-    """The matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
+    """Return the matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
     degrees = [float(angle) for angle in np.degrees(turn)]
     return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)

@@ -79,7 +79,7 @@ class RigidMotions:
         return CARTESIAN[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
-        """The free motions at the contact points of this rank: B times them; collective."""
+        """Return the free motions at the contact points of this rank: B times them; collective."""
         piece = self.piece[boundary.nodes]
         averages = boundary.averages
         of = self._pieces_at(boundary)
@@ -136,29 +136,29 @@ class RigidMotions:
         )
 
     def _pieces_at(self, boundary: ContactBoundary) -> Ints:
-        """The pieces that the nodes of averages are in, shape (m,); collective."""
+        """Return the pieces that the nodes of averages are in, shape (m,); collective."""
         owned_pieces = self.piece[: self.owned, None].astype(np.float64)
         return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(
             np.int64
         )
 
     def displacement(self, motion: Array) -> Array:
-        """The free motions times coefficients of shape (k,) at all nodes of this rank, shape
+        """Return the free motions times coefficients of shape (k,) at all nodes of this rank, shape
         (nodes, d).
         """
         return self.of_pieces(self.free @ motion)
 
     def of_pieces(self, motion: Array, nodes: Integers | slice = slice(None)) -> Array:
-        """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape
-        (n, d).
+        """Return the motions of all pieces times coefficients of shape (m p,) at nodes of this
+        rank, shape (n, d).
         """
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
         moved = matvec(self.modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: Array, comm: MPI.Comm, driving: Array | None = None) -> RigidLoad:
-        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of
-        forces that drive foundations, by their unknowns; collective.
+        """Return the work of forces at the owned dofs, shape (owned dofs,), on the free motions,
+        and of forces that drive foundations, by their unknowns; collective.
         """
         if self.free.shape[1] == 0:
             return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
@@ -179,14 +179,14 @@ class RigidMotions:
         return RigidLoad(work, size, self.assembly)
 
     def modes(self, nodes: Integers | slice) -> Array:
-        """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
+        """Return the motions of their pieces at nodes of this rank, shape (n, d, m)."""
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
 
 
 def _joined(links: Ints, count: int, comm: MPI.Comm) -> Ints:
-    """The number of the component that each of so many things is in, linked in pairs of all ranks;
-    collective.
+    """Return the number of the component that each of so many things is in, linked in pairs of all
+    ranks; collective.
     """
     keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
     number = np.arange(count)
@@ -197,9 +197,10 @@ def _joined(links: Ints, count: int, comm: MPI.Comm) -> Ints:
 
 
 def rigid_modes(x: Array, centre: Array, length: Array) -> Array:
-    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m);
-    ``centre``: about which each of them rotates, shape (n, d) or (d,); ``length``: at which a
-    rotation moves by one, shape (n,) or ().
+    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m).
+
+    ``centre``: about which each of them rotates, shape (n, d) or (d,).
+    ``length``: at which a rotation moves by one, shape (n,) or ().
     """
     dim = x.shape[1]
     turns = CARTESIAN[dim].rotations
@@ -219,9 +220,10 @@ def rigid_motions(
     turned: TurnedNodes | None,
     kinematics: Kinematics,
 ) -> RigidMotions:
-    """The motions without strain that supports leave free; ``fixed``: which components of the
-    displacement are prescribed at the owned nodes, shape (owned nodes, d), at ``turned`` ones in
-    their frames; collective.
+    """Return the motions without strain that supports leave free; collective.
+
+    ``fixed``: which components of the displacement are prescribed at the owned nodes, shape (owned
+        nodes, d), at ``turned`` ones in their frames.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
@@ -253,10 +255,11 @@ def rigid_motions(
 def without_energy(
     motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[Array], PETSc.Vec]
 ) -> RigidMotions:
-    """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions,
-    count as supports;
-    ``matrix``: of a(., .), or of the part of it that may resist; ``vector``: from displacements of
-    the nodes of this rank to new unknowns of the matrix; collective.
+    """Return the motions of these for which a(r, r) = 0: springs, and what else resists rigid
+    motions, count as supports; collective.
+
+    ``matrix``: of a(., .), or of the part of it that may resist.
+    ``vector``: from displacements of the nodes of this rank to new unknowns of the matrix.
     """
     if motions.free.shape[1] == 0:
         return motions
@@ -293,9 +296,9 @@ def nearest_motion(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> Array:
-    """The motions of the pieces that are nearest to prescribed displacements of the owned nodes, of
-    which components are ``fixed``, at ``turned`` nodes in their frames, shapes (owned nodes, d);
-    shape (m p,); collective.
+    """Return the motions of the pieces that are nearest to prescribed displacements of the owned
+    nodes, of which components are ``fixed``, at ``turned`` nodes in their frames, shapes (owned
+    nodes, d); shape (m p,); collective.
     """
     _, moved = _at_supports(motions, fixed, prescribed, turned, comm)
     return matvec(motions.supported, moved).ravel()
@@ -308,8 +311,8 @@ def _at_supports(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> tuple[Array, Array]:
-    """Products of motions with each other at prescribed components, (p, m, m), and with what is
-    prescribed, (p, m).
+    """Return products of motions with each other at prescribed components, (p, m, m), and with what
+    is prescribed, (p, m).
     """
     node, component = np.nonzero(fixed)
     columns = np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2)
@@ -328,7 +331,7 @@ def _at_supports(
 def _null_space(
     supported: Array, motions: RigidMotions, kinematics: Kinematics
 ) -> tuple[Array, Ints]:
-    """The motions of each piece that kinematics and supports allow, and the number of their
+    """Return the motions of each piece that kinematics and supports allow, and the number of their
     piece.
     """
     count = motions.pieces.count
@@ -356,8 +359,9 @@ def _null_space(
 
 
 def names_of(moved: Array, motions: RigidMotions, members: Ints, *, one_way: bool = False) -> str:
-    """Names of motions of an assembly with these pieces, combinations as in
-    ``RigidMotions.of_all``, one per column;
+    """Return names of motions of an assembly with these pieces, combinations as in
+    ``RigidMotions.of_all``, one per column.
+
     ``one_way``: whether a single motion is meant in its direction, not in the opposite one as well.
     """
     descriptions = []
@@ -387,8 +391,8 @@ def names_of(moved: Array, motions: RigidMotions, members: Ints, *, one_way: boo
 
 
 def _names_of_piece(motions: Array, dim: int, *, one_way: bool) -> str:
-    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per
-    column.
+    """Return names of motions of one piece (translations, then rotations, see ``rigid_modes``), one
+    per column.
     """
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > CERTIFICATE_TOLERANCE))
@@ -409,15 +413,15 @@ def _names_of_piece(motions: Array, dim: int, *, one_way: bool) -> str:
 
 
 def _direction(vector: Array, *, upwards: bool = True) -> str:
-    """The direction of a vector in a message, or its opposite, so that its largest component is
-    positive.
+    """Return the direction of a vector in a message, or its opposite, so that its largest component
+    is positive.
     """
     sign = np.sign(vector[np.argmax(np.abs(vector))]) if upwards else 1.0
     return ", ".join(rounded(value) for value in sign * vector / np.linalg.norm(vector))
 
 
 def rounded(value: float, size: float = 1.0) -> str:
-    """A number of a message, to four digits; 0 where it is round-off beside a number of this
+    """Return a number of a message, to four digits; 0 where it is round-off beside a number of this
     size.
     """
     return f"{round(float(value) / size, 6) * size + 0.0:.4g}"

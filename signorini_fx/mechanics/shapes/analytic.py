@@ -122,7 +122,7 @@ class Cone(Shape):
     radius: Annotated[Finite, Field(ge=0)] = 0.0
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """A rounded tip is at the distance of its radius around a sharp one inside."""
+        """Return a rounded tip is at the distance of its radius around a sharp one inside."""
         axis = unit(self.axis)
         sine = math.sin(math.radians(self.angle))
         cosine = math.cos(math.radians(self.angle))
@@ -282,8 +282,8 @@ class StraightPieces:
         )
 
     def _nearest(self, x: Array) -> tuple[Ints, Array]:
-        """The closest piece of each point, the first one of several, and the place of the closest
-        point on it.
+        """Return the closest piece of each point, the first one of several, and the place of the
+        closest point on it.
         """
         chosen = np.zeros(len(x), dtype=np.int64)
         place = np.zeros(len(x))
@@ -297,8 +297,8 @@ class StraightPieces:
 
 
 def crossing_pieces(points: Array) -> tuple[int, int] | None:
-    """The first two pieces that cross or touch each other, by their numbers from 0; None: there are
-    none.
+    """Return the first two pieces that cross or touch each other, by their numbers from 0; None if
+    there are none.
 
     Pieces that follow each other have a point in common; pieces of one straight line do not cross.
     """

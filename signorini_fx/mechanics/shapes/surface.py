@@ -79,7 +79,7 @@ class ClosedSurface(Shape):
 
 @lru_cache(maxsize=8)
 def surface_of(file: Path, size: float | None, _changed: int) -> CachedSurface:
-    """The surface in a file, once for each state of the file."""
+    """Return the surface in a file, once for each state of the file."""
     return CachedSurface(_read(file, size))
 
 
@@ -103,7 +103,7 @@ class CachedSurface:
         return signed.copy(), normal.copy()
 
     def corners(self, *, hollow: bool) -> Corners:
-        """The corners of its solid, or of what is around it if ``hollow``."""
+        """Return the corners of its solid, or of what is around it if ``hollow``."""
         if hollow not in self._corners:
             self._corners[hollow] = self._surface.convex_corners(hollow=hollow)
         return self._corners[hollow]
@@ -126,7 +126,7 @@ class CachedSurface:
 
 
 def _read(file: Path, size: float | None) -> InThePlane | InSpace:
-    """The surface in a file."""
+    """Return the surface in a file."""
     if not file.is_file():
         raise MeshError(f"{file}: no such file")
     if file.suffix.lower() == ".stl":
@@ -145,7 +145,7 @@ def _read(file: Path, size: float | None) -> InThePlane | InSpace:
 
 
 def _stl(file: Path) -> tuple[Array, Ints]:
-    """Points and triangles of an STL file, points that are the same joined."""
+    """Return points and triangles of an STL file, points that are the same joined."""
     from signorini_fx.mechanics.mesh.files.formats import read_meshio
 
     raw = read_meshio(file, "stl")
@@ -159,8 +159,9 @@ def _stl(file: Path) -> tuple[Array, Ints]:
 
 
 def _rim(points: Array, cells: Ints) -> Ints:
-    """The sides of cells counterclockwise; ``cells``: their corners along their perimeters, shape
-    (m, 3 or 4).
+    """Return the sides of cells counterclockwise.
+
+    ``cells``: their corners along their perimeters, shape (m, 3 or 4).
     """
     x, y = points[cells].transpose(2, 0, 1)
     turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
@@ -267,8 +268,9 @@ class InSpace:
         return float(np.median(height[smooth])), float(np.median(off))
 
     def convex_corners(self, *, hollow: bool) -> Corners:
-        """The edges that turn by more than facets of a curved surface do, and the points where
-        three of them meet, for the solid that is convex there, or if ``hollow`` for that around it.
+        """Return the edges that turn by more than facets of a curved surface do, and the points
+        where three of them meet, for the solid that is convex there, or if ``hollow`` for that
+        around it.
         """
         x = self._points
         edges, one, other, turned, _ = self._edges

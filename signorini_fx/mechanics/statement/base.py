@@ -106,8 +106,8 @@ class Table(BaseModel, metaclass=_OwnErrors):
         return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | changes)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A changed copy, whose new values are not validated; a single table stands for a list of
-        one.
+        """Return a changed copy, whose new values are not validated; a single table stands for a
+        list of one.
 
         Raises:
             SceneError: a key is not known.
@@ -137,14 +137,14 @@ def _timed(value: object) -> bool:
 
 
 def at_time(value: Any, time: float) -> Any:
-    """A value, or each of several, at a time, if it depends on it."""
+    """Return a value, or each of several, at a time, if it depends on it."""
     if isinstance(value, tuple):
         return tuple(at_time(entry, time) for entry in value)
     return value.at_time(time) if _timed(value) else value
 
 
 def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:
-    """The error of a validator that has found several, each with its place in the table."""
+    """Return the error of a validator that has found several, each with its place in the table."""
     details = [
         InitErrorDetails(
             type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=location, input={}
@@ -165,7 +165,7 @@ _MESSAGES = {
 
 
 def plain_message(detail: ErrorDetails) -> str:
-    """The message of a pydantic error, reworded for users of this package."""
+    """Return the message of a pydantic error, reworded for users of this package."""
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
@@ -203,7 +203,7 @@ def _entries(count: int) -> str:
 def problems_of(
     error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]
 ) -> list[tuple[str, str]]:
-    """The errors that pydantic found in data that should fit a model, in the form that
+    """Return the errors that pydantic found in data that should fit a model, in the form that
     ``SceneError`` needs: one for each path, which says what each of several types expects.
     """
     by_path: dict[str, list[str]] = {}
@@ -274,21 +274,21 @@ def _meant(key: str, model: type[BaseModel]) -> str:
 
 
 def _own_tables(annotation: type | None) -> set[type[BaseModel]]:
-    """The tables that an annotation allows."""
+    """Return the tables that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return {annotation}
     return set().union(*map(_own_tables, get_args(annotation)))
 
 
 def tables(annotation: type | None) -> set[type[BaseModel]]:
-    """The tables that an annotation allows, and those in them."""
+    """Return the tables that an annotation allows, and those in them."""
     own = _own_tables(annotation)
     inner = (tables(field.annotation) for table in own for field in table.model_fields.values())
     return own.union(*inner)
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
-    """All keys of a table and of those that derive from it."""
+    """Return all keys of a table and of those that derive from it."""
     return set(model.model_fields).union(*map(_keys, model.__subclasses__()))
 
 

@@ -56,10 +56,10 @@ class Coefficients(Protocol):
         """Return the density of the material, mass per volume."""
 
     def total(self, effect: Effect) -> FieldValue | float:
-        """The integral of ``effect.spread`` over the boundary of the effect, a number."""
+        """Return the integral of ``effect.spread`` over the boundary of the effect, a number."""
 
     def value(self, value: Value) -> FieldValue:
-        """A value."""
+        """Return a value."""
 
     def vector(self, values: Sequence[Value]) -> FieldValue:
         """Values along x[0], x[1] and x[2], which is not used in 2D."""
@@ -82,8 +82,8 @@ class BodyCoefficients(Coefficients, Protocol):
         """Return what effects have computed at the nodes for a step, see ``Place``."""
 
     def value_in(self, region: str | None, value: Value) -> FieldValue:
-        """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at
-        nodes of the region alone.
+        """Return a value in a region of the mesh, 0 elsewhere; None if everywhere.  A callable is
+        asked at nodes of the region alone.
         """
 
 
@@ -239,7 +239,7 @@ class Effect(Table):
 
     @cached_property
     def where(self) -> str | None:
-        """The boundary that it acts on; None: it acts in the body."""
+        """The boundary that it acts on, or None if it acts in the body."""
         return getattr(self, "boundary", None)
 
     @property
@@ -354,7 +354,7 @@ class InitialStrain(Load):
     gives_strain = True
 
     def strain(self, on: BodyCoefficients) -> FieldValue | float:
-        """The strain in each direction, UFL, a number."""
+        """Return the strain in each direction, UFL, a number."""
         raise NotImplementedError
 
 
@@ -376,7 +376,7 @@ class ContactPart(Effect):
 
 
 def _contact_part(entry: object, info: ValidationInfo) -> ContactPart | None:
-    """A part of a contact, from its table or of its class, which is found by the key."""
+    """Return a part of a contact, from its table or of its class, which is found by the key."""
     if entry is None:
         return None
     kind = load_class(CONTACT_PARTS, str(info.field_name), ContactPart)
@@ -402,7 +402,7 @@ def listed(entry: object) -> Sequence[object]:
 
 
 def _of_package(entry: object, info: ValidationInfo) -> tuple[Effect, ...]:
-    """The entries of a key of another package, whose class is imported when there is one."""
+    """Return the entries of a key of another package, whose class is imported when there is one."""
     if not (several := listed(entry)):
         return ()
     kind = load_class(EFFECTS, str(info.field_name), Effect)
@@ -410,8 +410,8 @@ def _of_package(entry: object, info: ValidationInfo) -> tuple[Effect, ...]:
 
 
 def with_every_effect(model: _Model) -> _Model:
-    """A model that gets a list of entries for each effect of another package or of a program, when
-    it is known.
+    """Return a model that gets a list of entries for each effect of another package or of a
+    program, when it is known.
     """
 
     def add(key: str) -> None:

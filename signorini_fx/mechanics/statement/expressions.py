@@ -100,8 +100,8 @@ class _Evaluator:
         self._time = time
 
     def value(self, node: ast.expr) -> Operand:
-        """The value of a part of the tree, or a ``ValueError`` that says what is not allowed in
-        it.
+        """Return the value of a part of the tree, or a ``ValueError`` that says what is not allowed
+        in it.
         """
         algebra = self._algebra
         match node:
@@ -173,8 +173,8 @@ class _Evaluator:
         raise ValueError(f"{name!r} of {count} arguments is not available")
 
     def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Operand:
-        """A comparison but for round-off: else a jump at a point of quadrature depends on who
-        computes its position.
+        """Return a comparison but for round-off: else a jump at a point of quadrature depends on
+        who computes its position.
         """
         if not isinstance(op, ast.Lt | ast.LtE | ast.Gt | ast.GtE):
             raise ValueError(f"comparison {type(op).__name__} is not available: use <, <=, >, >=")
@@ -254,13 +254,13 @@ class Expression:
         )
 
     def __call__(self, x: Array) -> Array:
-        """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not
-        defined.
+        """Return values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is
+        not defined.
         """
         return self.of_part(self.tree, x)
 
     def of_part(self, node: ast.expr, x: Array) -> Array:
-        """Values of a part of its tree, as of all of it."""
+        """Return values of a part of its tree, as of all of it."""
         with np.errstate(all="ignore"):
             value = _Evaluator(_NUMPY, x, self._present_time).value(node)
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
@@ -286,8 +286,8 @@ class Expression:
 
 
 def sample(value: Value, x: Array) -> Array:
-    """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape
-    (n,).
+    """Return values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n),
+    shape (n,).
 
     Raises:
         ValueError: they are no real numbers, one or n of them.
@@ -303,15 +303,15 @@ def sample(value: Value, x: Array) -> Array:
 
 
 def number(value: Value) -> float:
-    """The value of a number, or of an ``Expression`` that does not depend on the position, at its
-    time.
+    """Return the value of a number, or of an ``Expression`` that does not depend on the position,
+    at its time.
     """
     return float(sample(value, np.zeros((3, 1)))[0])
 
 
 def real_numbers(values: npt.ArrayLike) -> Array:
-    """Values that a function of a user gives, as an array, if they are real: NumPy would leave out
-    imaginary parts.
+    """Return values that a function of a user gives, as an array, if they are real: NumPy would
+    leave out imaginary parts.
     """
     if np.iscomplexobj(values):
         raise ValueError("the values are complex numbers, and real ones are expected")
@@ -319,7 +319,7 @@ def real_numbers(values: npt.ArrayLike) -> Array:
 
 
 def in_space(x: Array) -> Array:
-    """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n).
+    """Return points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n).
 
     dolfinx puts nodes of x = 0 at -7e-18, where sqrt(x) is no number and x, as a bound, negative:
     below one unit of round-off of the largest one, a coordinate is 0.

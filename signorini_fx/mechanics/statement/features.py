@@ -72,7 +72,9 @@ def features(statement: Statement) -> Iterator[tuple[str, Keys]]:
 
 
 def refused_by(statement: Statement, refuses: Mapping[str, str]) -> Contradictions:
-    """The features of a scene that something refuses, with the key of each and the reason."""
+    """Return the features of a scene that something refuses, with the key of each and the
+    reason.
+    """
     return ((path, refuses[name]) for name, path in features(statement) if name in refuses)
 
 
@@ -86,8 +88,8 @@ def refusals(statement: Statement) -> list[Mapping[str, str]]:
 
 
 def divisible(statement: Statement, of: str) -> bool:
-    """Whether nothing refuses to divide cells where the error of a quantity is, once several bodies
-    are one mesh.
+    """Return whether nothing refuses to divide cells where the error of a quantity is, once several
+    bodies are one mesh.
     """
     names = (
         {"local refinement"}
@@ -107,7 +109,7 @@ def accuracy_refused(statement: Statement, of: Target) -> str:
 
 
 def refused_features(statement: Statement) -> Contradictions:
-    """The features of a scene that others of its features refuse."""
+    """Return the features of a scene that others of its features refuse."""
     return iter(
         dict.fromkeys(
             problem for refused in refusals(statement) for problem in refused_by(statement, refused)

@@ -46,7 +46,7 @@ def _of_this_package(name: str) -> Generate:
 
 
 def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Generate, dict[str, Any]]:
-    """The generator of this name, and the parameters as its annotations have them.
+    """Return the generator of this name, and the parameters as its annotations have them.
 
     Raises:
         SceneError: unknown generator, or parameters that it refuses.
@@ -82,7 +82,7 @@ def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Generate,
 
 @cache
 def types_of(generate: Generate) -> dict[str, Any]:
-    """The annotations of a generator."""
+    """Return the annotations of a generator."""
     return get_type_hints(generate, include_extras=True)
 
 

@@ -88,8 +88,8 @@ class LoadSteps(Table):
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
-    """The factor of a load at a place: that of the load step, or linear in between; 0 for the body
-    without loads.
+    """Return the factor of a load at a place: that of the load step, or linear in between; 0 for
+    the body without loads.
     """
     if step == int(step) and step >= 0:
         return factors[int(step)]
@@ -204,7 +204,7 @@ class LoadPath:
         return jumps[min(number, len(jumps) - 1)]
 
     def place_of(self, time: float) -> float:
-        """The place of a time: the inverse of ``time_at``.
+        """Return the place of a time: the inverse of ``time_at``.
 
         Raises:
             SceneError: no load step ends at this time.
@@ -231,7 +231,9 @@ class LoadPath:
 
 
 def counted_path(number: int) -> LoadPath:
-    """The load steps of a loop of a user's own, at times 1, 2, 3 and so on; ``number``: of those
-    before the last.
+    """Return the load steps of a loop of a user's own, at times 1, 2, 3 and so on.
+
+    Args:
+        number: of those before the last.
     """
     return LoadPath(tuple(map(float, range(1, number + 2))))

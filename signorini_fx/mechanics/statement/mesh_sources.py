@@ -109,15 +109,15 @@ class MeshGenerator(Table):
 
     @property
     def of_simplices(self) -> MeshGenerator | None:
-        """Return the generator of triangles or tetrahedra that can be divided; None:
-        there is none.
+        """Return the generator of triangles or tetrahedra that can be divided, or None if there is
+        none.
         """
         cell = getattr(self._generate(), "simplices", None)
         return None if cell is None else self.having(cell=cell)
 
     @property
     def curved(self) -> MeshGenerator | None:
-        """Return the generator of cells of degree 2 on arcs; None: it has no arcs."""
+        """Return the generator of cells of degree 2 on arcs, or None if it has no arcs."""
         return (
             self.having(order=2)
             if "order" in inspect.signature(self._generate()).parameters
@@ -239,7 +239,7 @@ class ContactSize:
 
 def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, ...]:
     """Return the lengths of facets that a scene prescribes for one of its meshes, by the number of
-    its body; None: there is one mesh.
+    its body; None if there is one mesh.
     """
     body = None if number is None else scene.body[number]
     wanted = []
@@ -263,7 +263,7 @@ def _in_body(name: str, body: Body | None) -> str:
 
 
 def with_larger_contact_sizes(contacts: tuple[Any, ...], factor: float) -> tuple[Any, ...]:
-    """Contacts whose facets are ``factor`` times as long."""
+    """Return contacts whose facets are ``factor`` times as long."""
     sizes = (contact.contact_size and factor * contact.contact_size for contact in contacts)
     return tuple(
         c.model_copy(update={"contact_size": size}) for c, size in zip(contacts, sizes, strict=True)

@@ -91,7 +91,7 @@ class RigidMotion(Table):
     velocity: Mapping[Component, float] | None = None
 
     def prescribes(self, component: Component) -> Value | None:
-        """Return the prescribed value of a component of the motion; None: it is free."""
+        """Return the prescribed value of a component of the motion, or None if it is free."""
         return (self.prescribed or {}).get(component)
 
     def reference(self, dimension: int) -> Array:
@@ -110,8 +110,8 @@ class RigidMotion(Table):
         return any(isinstance(value, Expression) for value in driving)
 
     def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
-        """Forces and moments at a time, and the prescribed components, nan where they are free,
-        shapes (m,).
+        """Return forces and moments at a time, and the prescribed components, nan where they are
+        free, shapes (m,).
         """
         force = self.force or (0.0,) * dimension
         moment = entries_of(self.moment) or (0.0,) * (2 * dimension - 3)
@@ -168,7 +168,7 @@ class RigidBody:
     parts: tuple[int, ...]
 
     def pivot(self, dimension: int) -> Array:
-        """The point that it turns about, length, shape (d,)."""
+        """Return the point that it turns about, length, shape (d,)."""
         return self.motion.reference(dimension)
 
     @property
@@ -224,5 +224,5 @@ def driven_twice(shapes: Sequence[RigidMotion | None], number: int) -> str:
 def entries_of(
     value: Value | Sequence[Value] | None,
 ) -> Sequence[Value]:
-    """The components of a vector, or a number as its only one; None: none."""
+    """Return the components of a vector, or a number as its only one; None: none."""
     return () if value is None else value if isinstance(value, tuple) else (value,)

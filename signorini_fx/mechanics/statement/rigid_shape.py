@@ -51,13 +51,13 @@ class SignedDistance(Protocol):
     """What a foundation may have as its shape: a solid with a distance."""
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal
-        at the closest point, shape (n, d).
+        """Return the signed distance of points of shape (n, d), length, shape (n,), and the outward
+        normal at the closest point, shape (n, d).
         """
 
 
 def unit(vector: Sequence[float]) -> Array:
-    """The vector with the length one, shape (d,)."""
+    """Return the vector with the length one, shape (d,)."""
     components = np.array(vector)
     return components / np.linalg.norm(components)
 
@@ -70,8 +70,8 @@ def across(axis: Array) -> Array:
 
 
 def normalised(vectors: Array, otherwise: Array, least: float = 0.0) -> tuple[Array, Array]:
-    """Lengths of vectors, and the unit vectors; what has no direction, as it is no longer than the
-    ``least`` length, gets another one.  Shapes (n,) and (n, d).
+    """Return lengths of vectors, and the unit vectors; what has no direction, as it is no longer
+    than the ``least`` length, gets another one.  Shapes (n,) and (n, d).
     """
     size = np.linalg.norm(vectors, axis=1)
     return size, np.where(
@@ -80,8 +80,8 @@ def normalised(vectors: Array, otherwise: Array, least: float = 0.0) -> tuple[Ar
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
-    """The matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the axis [a,
-    b, c] by the length of this vector.
+    """Return the matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the
+    axis [a, b, c] by the length of this vector.
     """
     if isinstance(rotation, tuple):
         from scipy.spatial.transform import Rotation
@@ -142,7 +142,7 @@ class Placed(Table):
         return shift, zero if self.pivot is None else np.array(self.pivot)
 
     def turn_matrix(self, dimension: int) -> Array:
-        """The matrix of its rotation, shape (d, d)."""
+        """Return the matrix of its rotation, shape (d, d)."""
         return turning(self.angles(), dimension)
 
     def angles(self) -> float | tuple[float, ...]:
@@ -235,8 +235,8 @@ class Shape(Placed, RigidMotion):
         return Corners.none(dimension)
 
     def corners(self, dimension: int) -> Corners:
-        """The corners of the foundation where it is: what it presses with between the nodes of a
-        body.
+        """Return the corners of the foundation where it is: what it presses with between the nodes
+        of a body.
         """
         found = self.initial_corners(dimension)
         turn = self.turn_matrix(dimension).T
@@ -267,8 +267,8 @@ class Shape(Placed, RigidMotion):
         return np.asarray(sum(self._translations(dimension)))
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal
-        of the foundation at the closest point, shape (n, d).
+        """Return the signed distance of points of shape (n, d), length, shape (n,), and the outward
+        normal of the foundation at the closest point, shape (n, d).
         """
         signed, normal = self.initial(self.moved_back(x))
         normal = normal @ self.turn_matrix(x.shape[1]).T
@@ -298,8 +298,8 @@ class Shape(Placed, RigidMotion):
         return closest - earlier.moved_points(self.moved_back(closest))
 
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
-        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot,
-        and of its turn.
+        """Return the shape after a share of the way from where ``earlier`` is: of the shift of its
+        pivot, and of its turn.
         """
         moved, pivot = self._translations(dimension)
         begun = (earlier.moved_points(pivot[None]) - pivot)[0]
@@ -328,11 +328,11 @@ class Distance:
     dimension: int
 
     def __call__(self, x: Array) -> Array:
-        """The gap, shape (n,)."""
+        """Return the gap, shape (n,)."""
         return self._of(x)[0] + sample(self.added, x)
 
     def direction(self, x: Array) -> Array:
-        """The unit vector to the foundation, shape (d, n)."""
+        """Return the unit vector to the foundation, shape (d, n)."""
         return -self._of(x)[1].T
 
     def _of(self, x: Array) -> tuple[Array, Array]:
@@ -340,9 +340,10 @@ class Distance:
 
 
 def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distance:
-    """The distance from a shape, from the table of one, or from any object with a method
-    ``distance``; ``turns``: whether one that forces move may turn: not on the axis of a body of
-    revolution.
+    """Return the distance from a shape, from the table of one, or from any object with a method
+    ``distance``.
+
+    ``turns``: whether one that forces move may turn: not on the axis of a body of revolution.
 
     Raises:
         SceneError: it is none of these, or does not fit the dimension of space.
@@ -362,7 +363,9 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
 
 
 def corners_of(shape: SignedDistance | None, dimension: int) -> Corners | None:
-    """The corners of a shape; None: there is no shape, or one of a user's own that has none."""
+    """Return the corners of a shape, or None if there is no shape, or one of a user's own that has
+    none.
+    """
     return shape.corners(dimension) if shape is not None and hasattr(shape, "corners") else None
 
 
@@ -372,8 +375,8 @@ def _floats(values: npt.ArrayLike) -> Array:
 
 
 def fault_of(shape: SignedDistance, x: Array, size: float) -> str:
-    """What the distance of a shape of a user's own is not, at points of the boundary of a body of
-    this size, lengths, shape (n, d); "": nothing was found.
+    """Return what the distance of a shape of a user's own is not, at points of the boundary of a
+    body of this size, lengths, shape (n, d); "": nothing was found.
 
     From a point back along its normal the way to the closest point is shorter by as much, wherever
     it is.  Behind the closest point the distance is negative: otherwise points would pass through
@@ -437,12 +440,12 @@ _SHAPES = {
 
 
 def names() -> tuple[str, ...]:
-    """The names of all shapes, ascending; none is imported."""
+    """Return the names of all shapes, ascending; none is imported."""
     return tuple(sorted({*_SHAPES, *names_of(SHAPES)}))
 
 
 def shape_class(name: str) -> type[Shape]:
-    """The class of a shape, which is imported, or an ``InstallationError``."""
+    """Return the class of a shape, which is imported, or an ``InstallationError``."""
     if name not in _SHAPES:
         return load_class(SHAPES, name, Shape)
     file, kind = _SHAPES[name]
@@ -451,7 +454,7 @@ def shape_class(name: str) -> type[Shape]:
 
 
 def read_shape(entry: Shape | Mapping[str, Any] | None) -> Shape | None:
-    """A shape from a table, else a ``ValueError``; itself if it is one."""
+    """Return a shape from a table, else a ``ValueError``; itself if it is one."""
     if entry is None or isinstance(entry, Shape):
         return entry
     if not isinstance(entry, Mapping):

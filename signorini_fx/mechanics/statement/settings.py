@@ -23,8 +23,8 @@ from signorini_fx.mechanics.statement.values import (
 
 
 def known_linear_algebra() -> tuple[str, ...]:
-    """What a scene can name as ``solver.linear_algebra``; the kinds of this package are first, and
-    keep their names.
+    """Return what a scene can name as ``solver.linear_algebra``; the kinds of this package are
+    first, and keep their names.
     """
     kinds = ("auto", "full", "krylov", "condensed")
     return (*kinds, *(name for name in names_of(LINEAR_SOLVERS) if name not in kinds))

@@ -51,13 +51,15 @@ class Statement(Stated):
         return {**named, **self.origin, "element": element, **entries, **settings}
 
     def unit_names(self, dimension: int) -> dict[str, str]:
-        """The unit of each quantity on a mesh of this dimension, see ``units.unit_names``."""
+        """Return the unit of each quantity on a mesh of this dimension, see
+        ``units.unit_names``.
+        """
         return unit_names(
             {} if self.units is None else dict(self.units), self.kinematics_in(dimension)
         )
 
     def listed(self) -> list[tuple[str, Any]]:
-        """All entries with their paths in the scene, and the parts of contacts."""
+        """Return all entries with their paths in the scene, and the parts of contacts."""
         entries = [
             (key if key in self.single else f"{key}[{number}]", effect)
             for key, entries in self.effects.items()
@@ -70,7 +72,7 @@ class Statement(Stated):
         ]
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
-        """All entries of a kind, such as ``statement.effect.ForceDensity``."""
+        """Return all entries of a kind, such as ``statement.effect.ForceDensity``."""
         return tuple(
             effect
             for entries in self.effects.values()
@@ -125,12 +127,12 @@ class Statement(Stated):
         return drives
 
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
-        """The factors of a load; those of an effect that load steps do not change are 1."""
+        """Return the factors of a load; those of an effect that load steps do not change are 1."""
         return getattr(effect, "factors", None) or (1.0,) * self.steps
 
     def now(self, effect: _Effect, step: float) -> tuple[float, _Effect]:
-        """The factor of an effect at a place in the lists of factors, and the effect at the time of
-        that place.
+        """Return the factor of an effect at a place in the lists of factors, and the effect at the
+        time of that place.
 
         What depends on the time and has no factors does not grow with the other loads of a ramp.
         """
@@ -160,7 +162,7 @@ class Statement(Stated):
         return tuple(entry for entry in self.displacement if entry.holds_at(step))
 
     def time_at(self, step: float) -> float:
-        """The time of a place in the lists of factors, see ``statement.load_path``."""
+        """Return the time of a place in the lists of factors, see ``statement.load_path``."""
         return self.path.time_at(step)
 
     @cached_property
@@ -176,8 +178,8 @@ class Statement(Stated):
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
-        """The boundary of each contact, and that of the other body of each; None: there is no other
-        body.
+        """The boundary of each contact, and that of the other body of each; None if there is no
+        other body.
         """
         against = [effect.against for effect in self.contact]
         return [effect.boundary for effect in self.contact], against if any(against) else None

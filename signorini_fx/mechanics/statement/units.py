@@ -31,12 +31,12 @@ _NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProx
 
 
 def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
-    """The unit of each quantity of a scene as plain data, see ``unit_names``."""
+    """Return the unit of each quantity of a scene as plain data, see ``unit_names``."""
     return unit_names(scene.get("units") or {}, of_data(scene, dimension))
 
 
 def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
-    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and
+    """Return the unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and
     ``energy``, the last four per unit thickness in 2D; those that are not known are left out.
     """
     names = {name: unit for name, unit in units.items() if unit}
@@ -65,7 +65,7 @@ def labelled(names: Mapping[str, str]) -> Iterator[None]:
 
 
 def unit(quantity: str) -> str:
-    """The name of the unit of a quantity; empty if it is not known."""
+    """Return the name of the unit of a quantity; empty if it is not known."""
     return _NAMES.get().get(quantity, "")
 
 
@@ -75,5 +75,5 @@ def bracketed(quantity: str) -> str:
 
 
 def with_unit(figure: str, quantity: str) -> str:
-    """A figure with its unit, such as ``0.3 MPa``."""
+    """Return a figure with its unit, such as ``0.3 MPa``."""
     return f"{figure} {unit(quantity)}".rstrip() if figure else figure

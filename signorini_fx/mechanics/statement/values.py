@@ -28,7 +28,7 @@ _Kept = TypeVar("_Kept")
 
 
 def shown(entry: object) -> str:
-    """A value in a message, shortened if it is long."""
+    """Return a value in a message, shortened if it is long."""
     try:
         text = repr(entry).lower() if isinstance(entry, bool) else repr(entry)
     except ValueError:  # Python does not print whole numbers of thousands of digits
@@ -37,7 +37,7 @@ def shown(entry: object) -> str:
 
 
 def kind_of(entry: object) -> str:
-    """A description of the wrong argument for a message."""
+    """Return a description of the wrong argument for a message."""
     kind = type(entry)
     module = kind.__module__.partition(".")[0]
     return (
@@ -46,7 +46,7 @@ def kind_of(entry: object) -> str:
 
 
 def plain_number(entry: Any) -> Any:
-    """A number; NumPy's numbers are accepted."""
+    """Return a number; NumPy's numbers are accepted."""
     if isinstance(entry, np.number | np.ndarray) and entry.ndim == 0:
         entry = entry.item()
     if not isinstance(entry, str | int | float | bool | None):
@@ -62,7 +62,7 @@ def timed(entry: Value | str) -> Value:
 
 
 def sampled(entry: Value | str) -> Value:
-    """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
+    """Return a value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
     checked = value(entry)
     if hasattr(checked, "ufl_domain"):
         raise ValueError(not_at_points(entry))
@@ -79,8 +79,8 @@ def not_at_points(entry: object) -> str:
 
 
 def bounded(number: float) -> float:
-    """The number, if its magnitude is in the allowed range, whatever the units: energies, squares
-    of forces and products of stiffness, length and penalty must still be numbers in double
+    """Return the number, if its magnitude is in the allowed range, whatever the units: energies,
+    squares of forces and products of stiffness, length and penalty must still be numbers in double
     precision; else a ``ValueError``.
     """
     if abs(number) > LARGEST_NUMBER:
@@ -96,7 +96,7 @@ def bounded(number: float) -> float:
 
 
 def value(entry: Value | str) -> Value:
-    """A number, an expression, a callable or UFL; everything else is refused."""
+    """Return a number, an expression, a callable or UFL; everything else is refused."""
     if isinstance(entry, bool):
         raise ValueError("a number or an expression of the position is expected, not true or false")
     entry = plain_number(entry) if isinstance(entry, np.number | np.ndarray) else entry
@@ -116,7 +116,7 @@ def value(entry: Value | str) -> Value:
 
 
 def not_negative(entry: _Given) -> _Given:
-    """A value that is not a negative number."""
+    """Return a value that is not a negative number."""
     if isinstance(entry, float) and entry < 0:
         raise ValueError(f"must not be negative, got {float(entry)}")
     return entry
@@ -145,7 +145,7 @@ NonNegativeValue = Annotated[
 
 
 def share(entry: _Given) -> _Given | float:
-    """A number, or a text such as ``5%``."""
+    """Return a number, or a text such as ``5%``."""
     match = (
         re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
     )
@@ -207,8 +207,8 @@ Automatic = Positive | Literal["auto"]
 def selection(
     entry: int | Sequence[int] | str | Callable[[Array], npt.ArrayLike],
 ) -> int | tuple[int, ...] | Callable[[Array], npt.ArrayLike]:
-    """A number in the cell data of a mesh file, a list of them, or a rule; everything else is
-    refused.
+    """Return a number in the cell data of a mesh file, a list of them, or a rule; everything else
+    is refused.
     """
     if type(entry) is int or isinstance(entry, Expression) or callable(entry):
         return entry

@@ -81,7 +81,7 @@ class LinearisedLaw:
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
     def by_slips(self, owed: Array) -> Array:
-        """What is owed to gaps and slips that the law prescribes, from what is owed to
+        """Return what is owed to gaps and slips that the law prescribes, from what is owed to
         displacements, shape (n, d).
         """
         if self.slips is None or not self.exact:
@@ -97,7 +97,7 @@ class LinearisedLaw:
 def law_at(
     task: Task, outcome: Outcome, start: Start, state: PointState, law: PointFriction | None
 ) -> LinearisedLaw:
-    """The law at the solution of a load step that has just been solved; collective."""
+    """Return the law at the solution of a load step that has just been solved; collective."""
     exact = not all(np.isfinite(task.promised(outcome)[:2]))
     data = start.data if exact else outcome.problem.data
     gamma = data.gamma_n, data.gamma_t
@@ -112,9 +112,10 @@ def linearised(
     exact: bool,
     before: Array | None = None,
 ) -> LinearisedLaw:
-    """The law at a solution, with (gamma_1, gamma_2), stress per length, those of the
-    regularisation unless there is none (``exact``); ``before``: the shear at the beginning of the
-    load step, stress, shape (n, d - 1); collective.
+    """Return the law at a solution, with (gamma_1, gamma_2), stress per length, those of the
+    regularisation unless there is none (``exact``); collective.
+
+    ``before``: the shear at the beginning of the load step, stress, shape (n, d - 1).
     """
     contact = state.in_contact
     count, tangents = state.shear.shape
@@ -153,7 +154,9 @@ def _between(
     slips: Flags,
     sticks: Flags,
 ) -> int:
-    """Points of all ranks that would change their set if hardly anything changed; collective."""
+    """Return points of all ranks that would change their set if hardly anything changed;
+    collective.
+    """
     comm = state.points.comm
     largest = parallel.largest(comm, np.abs(state.pressure))
     size = np.where(state.in_contact, state.pressure, gamma[0] * (state.u_n - state.gap))
@@ -201,9 +204,11 @@ class Adjoint:
 
 
 class TransposedTangent:
-    """The transposed Newton tangent at a solution, factorised once for all quantities;
-    ``symmetric``: whether A is, which at finite displacements it is not where friction acts on a
-    curved shape; collective.
+    """The transposed Newton tangent at a solution, factorised once for all quantities; collective.
+
+    Attributes:
+        symmetric: whether A is, which at finite displacements it is not where friction acts on a
+            curved shape.
     """
 
     def __init__(
@@ -252,8 +257,8 @@ class TransposedTangent:
         residual.aypx(-1.0, right)
 
     def adjoint(self, by_displacement: PETSc.Vec, by_traction: Array) -> Adjoint:
-        """The adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero where
-        they are prescribed, and kappa, J_t over the weight, shape (n, d); collective.
+        """Return the adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero
+        where they are prescribed, and kappa, J_t over the weight, shape (n, d); collective.
 
         Raises:
             SignoriniError: the tangent is singular, or the iteration for chi is too slow.

@@ -45,7 +45,7 @@ class ContactSurface:
 
     @classmethod
     def of(cls, table: ContactTable) -> ContactSurface:
-        """The contact surface of a table in 3D."""
+        """Return the contact surface of a table in 3D."""
         assert table.facets is not None
         facets = table.facets
         vertices = {6: 3, 9: 4}.get(facets.shape[1], facets.shape[1])
@@ -122,9 +122,11 @@ class ContactSurface:
         return np.isin(np.arange(len(self.x)), ends)
 
     def jumps(self, values: Array) -> Array:
-        """How much the slope across each side changes from one piece to the next, shape (pieces,
-        k); 0 at the rim;
-        ``values``: at the nodes, shape (rows,).
+        """Return how much the slope across each side changes from one piece to the next, shape
+        (pieces, k); 0 at the rim.
+
+        Args:
+            values: at the nodes, shape (rows,).
         """
         corner_values = values[self.corners]
         middle = (corner_values + np.roll(corner_values, -1, axis=1)) / 2
@@ -155,8 +157,8 @@ class ContactSurface:
         return np.maximum(squares, CORNER_SHARE * self._convex(pressure, jumps, kinks))
 
     def growing(self, pressure: Array) -> Flags:
-        """Which rows in contact are on the rim, with a pressure that is convex towards it, shape
-        (rows,).
+        """Return which rows in contact are on the rim, with a pressure that is convex towards it,
+        shape (rows,).
         """
         jumps = self.jumps(pressure)
         pieces = self._convex(pressure, jumps, jumps**2) > 0
@@ -164,8 +166,8 @@ class ContactSurface:
         return beside & self.rim_nodes & (pressure > 0)
 
     def _convex(self, pressure: Array, jumps: Array, kinks: Array) -> Array:
-        """Sums of what the sides of each piece have, shape (pieces,), where the pressure is convex
-        towards the rim, and may be singular there; at a plane of symmetry it is concave.
+        """Return sums of what the sides of each piece have, shape (pieces,), where the pressure is
+        convex towards the rim, and may be singular there; at a plane of symmetry it is concave.
         """
         on_rim = (self.rim_nodes & (pressure != 0))[self.corners]
         pressed = (pressure != 0)[self.corners].all(
@@ -178,8 +180,10 @@ class ContactSurface:
         return np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1)
 
     def of_rank(self, boundary: ContactBoundary, values: Array) -> Array:
-        """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``;
-        ``values``: of each piece, shape (pieces,); collective.
+        """Return sums of what the pieces have for each facet of this rank, as in
+        ``boundary.segments``; collective.
+
+        ``values``: of each piece, shape (pieces,).
         """
         first = parallel.rows_before(boundary.comm, len(boundary.segments))
         facets = np.zeros(self.count)
@@ -188,5 +192,5 @@ class ContactSurface:
 
 
 def places(table: ContactTable) -> Array:
-    """The positions of the nodes in 2D, length, shape (rows, 2)."""
+    """Return the positions of the nodes in 2D, length, shape (rows, 2)."""
     return np.column_stack((table.columns["x"], table.columns["y"]))

@@ -33,13 +33,15 @@ from signorini_fx.tuned import (
 
 
 def polygon_error_of(name: str, polygon: float) -> float:
-    """The error of a quantity that straight facets add if they approximate a curved boundary."""
+    """Return the error of a quantity that straight facets add if they approximate a curved
+    boundary.
+    """
     share = POLYGON_SHARES.get(name)
     return (POLYGON_SHARES["pressure"] * polygon) ** 2 if share is None else share * polygon
 
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
-    """A mesh with the errors that its straight facets add."""
+    """Return a mesh with the errors that its straight facets add."""
     pressure = (
         None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
     )
@@ -55,10 +57,13 @@ def convergence_table(
     rates: Mapping[str, float] = EXPECTED_RATES,
     uniform: bool = True,
 ) -> list[Price]:
-    """The rows for the meshes that were solved, at least two, coarsest first, and one for the next;
-    ``base_memory``: before the first mesh, MB; ``rates``: how the errors are expected to decrease
-    with h; ``uniform``: whether each mesh is finer than the previous one everywhere, and by about
-    the same factor, else changes between meshes are no errors.
+    """Return the rows for the meshes that were solved, at least two, coarsest first, and one for
+    the next.
+
+    ``base_memory``: before the first mesh, MB.
+    ``rates``: how the errors are expected to decrease with h.
+    ``uniform``: whether each mesh is finer than the previous one everywhere, and by about the same
+        factor, else changes between meshes are no errors.
     """
     rows = []
     for index, level in enumerate(levels):
@@ -94,8 +99,8 @@ def fineness_of(dofs: float, dimension: int) -> float:
 
 
 def seen_rate(rows: Sequence[Price], dimension: int) -> float:
-    """The rate at which the error in the energy norm decreases with h; with a single mesh, that of
-    first order.
+    """Return the rate at which the error in the energy norm decreases with h; with a single mesh,
+    that of first order.
     """
     last = rows[-1]
     energies = [row.energy for row in rows[-2:]]
@@ -106,15 +111,17 @@ def seen_rate(rows: Sequence[Price], dimension: int) -> float:
 
 
 def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
-    """Error of contact and friction force on the last mesh, relative; None where there is no force;
-    ``levels``: at least two, coarsest first; ``uniform``: whether each mesh is finer than the one
-    before everywhere.
+    """Error of contact and friction force on the last mesh, relative; None where there is no force.
 
     By J. A. Nitsche's argument it decreases like the square of that of the displacement, by which
     changes are extrapolated.  On meshes that are divided here and there it is at least a share of
     that square, unless statics determines the force, which then does not change at all.  Meshes
     with the same few nodes in contact do not show what these miss.  Of several contact boundaries
     it is that of all forces together, as their resultant may vanish.
+
+    Args:
+        levels: at least two, coarsest first.
+        uniform: whether each mesh is finer than the one before everywhere.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.forces))
@@ -175,9 +182,10 @@ def predict(
     dimension: int = 2,
     krylov_from: float = np.inf,
 ) -> Price:
-    """The next mesh: errors by their rates, time and memory by their growth with the unknowns;
-    ``finer``: how many times finer the next mesh is, on average over the body; None: as many times
-    as the last one was.
+    """Return the next mesh: errors by their rates, time and memory by their growth with the
+    unknowns; None if as many times as the last one was.
+
+    ``finer``: how many times finer the next mesh is, on average over the body.
     """
     last = rows[-1]
     previous = rows[-2]
@@ -218,9 +226,12 @@ def grown(
     offset: float = 0.0,
     least: float = 0.0,
 ) -> float:
-    """A constant part, at least ``offset``, and one that grows like this power of the unknowns;
-    ``seen``: quotient of the unknowns of the last two meshes; ``growth``: of the next mesh and the
-    last; ``least``: the least share of the rest that grows.
+    """Return a constant part, at least ``offset``, and one that grows like this power of the
+    unknowns.
+
+    ``seen``: quotient of the unknowns of the last two meshes.
+    ``growth``: of the next mesh and the last.
+    ``least``: the least share of the rest that grows.
     """
     growing = (value - earlier) / (1 - seen**-power)
     excess = max(value - offset, 0.0)
@@ -228,7 +239,7 @@ def grown(
 
 
 def render(rows: list[Price]) -> str:
-    """The convergence table for a terminal."""
+    """Return the convergence table for a terminal."""
 
     def number(value: float | None) -> str:
         return "        -" if value is None else f"{value:9.1e}"

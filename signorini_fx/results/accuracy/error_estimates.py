@@ -67,8 +67,9 @@ class Errors:
 def estimate_errors(
     mechanics: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float
 ) -> Errors:
-    """Estimate the errors on a mesh by the mechanics of a body; ``energy``: strain energy of the
-    solution; collective.
+    """Estimate the errors on a mesh by the mechanics of a body; collective.
+
+    ``energy``: strain energy of the solution.
     """
     model = mechanics.model
     missed = missed_loads(model, step) + missed_gaps(model, table, step)
@@ -92,12 +93,15 @@ def combined(
     displaced: Collection[int] = (),
     modulus: float | None = None,
 ) -> Errors:
-    """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared
-    error in the energy norm, of a nonlinear body those of stress and strain, each over its square
-    and times ``2 energy``, shape (2, cells); ``energy``: strain energy, of a nonlinear body half of
-    the norms of stress and strain; ``kinematics``: of the body; ``missed``: share of all forces;
-    ``displaced``: numbers of the contacts that are met at displaced points; ``modulus``: stress per
-    strain; None: that of the model; collective.
+    """Return all error estimates from those of each owned cell, shape (cells,): ``recovery``: the
+    squared error in the energy norm, of a nonlinear body those of stress and strain, each over its
+    square and times ``2 energy``, shape (2, cells); None: that of the model; collective.
+
+    ``energy``: strain energy, of a nonlinear body half of the norms of stress and strain.
+    ``kinematics``: of the body.
+    ``missed``: share of all forces.
+    ``displaced``: numbers of the contacts that are met at displaced points.
+    ``modulus``: stress per strain.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -167,9 +171,9 @@ def combined(
 
 
 def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
-    """The force that acts on facets where a gap is another one between the nodes than there, by a
-    notable share of the displacements, and opens or closes the contact: as where it jumps within a
-    facet; of each owned cell, shape (cells,); collective.
+    """Return the force that acts on facets where a gap is another one between the nodes than there,
+    by a notable share of the displacements, and opens or closes the contact: as where it jumps
+    within a facet; of each owned cell, shape (cells,); collective.
     """
     boundary = model.boundary
     missed = np.zeros(model.tagged.mesh.topology.index_map(model.tagged.dimension).size_local)
@@ -216,7 +220,7 @@ def missed_by_points(
     kinematics: Kinematics,
     displaced: Collection[int],
 ) -> tuple[Array, Array]:
-    """What contact at the nodes misses between them, for each facet of this rank as in
+    """Return what contact at the nodes misses between them, for each facet of this rank as in
     ``boundary.segments``: the work of the pressure on distances that are not those of a straight
     line, and the force that ends somewhere between a node in contact and one that is not, times the
     change of the direction that it has; collective.
@@ -266,8 +270,8 @@ def missed_by_points(
 
 
 def worst_of(steps: Sequence[Errors]) -> Errors:
-    """The largest errors of several load steps, relative to the largest solution and pressure among
-    them.
+    """Return the largest errors of several load steps, relative to the largest solution and
+    pressure among them.
     """
     if len(steps) == 1:
         return steps[0]
@@ -302,8 +306,8 @@ _AT_ONCE = 4096  # facets: 200 MB of their points in 3D
 
 
 def _inside(nodes: int, dimension: int) -> dict[int, Array]:
-    """The corners of a facet with so many nodes, by their places among them, and their shares at
-    points within it, shape (points,) each.
+    """Return the corners of a facet with so many nodes, by their places among them, and their
+    shares at points within it, shape (points,) each.
     """
     at = (np.arange(_ALONG) + 0.5) / _ALONG
     if dimension == 2:
@@ -338,8 +342,8 @@ _CELL_DEGREE = {2: 18, 3: 12}
 
 
 def missed_loads(model: Model, step: float) -> Array:
-    """The part of the loads that the quadrature of each owned cell misses, a force (in 2D per
-    thickness), shape (cells,); collective.
+    """Return the part of the loads that the quadrature of each owned cell misses, a force (in 2D
+    per thickness), shape (cells,); collective.
     """
     mesh = model.tagged.mesh
     dim = model.tagged.dimension

@@ -55,8 +55,9 @@ class LevelResult(Price):
 
 
 def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
-    """The mean length, or the side of the mean area, that belongs to a contact node; ``revolved``:
-    weights are areas of rings.
+    """Return the mean length, or the side of the mean area, that belongs to a contact node.
+
+    ``revolved``: weights are areas of rings.
     """
     weight = table.columns["weight"]
     if revolved:
@@ -67,7 +68,7 @@ def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
 def regularisation_errors(
     task: Task, outcome: Outcome, size: float, contact: ContactState
 ) -> tuple[float, float]:
-    """The regularisation error of a solution with this energy norm, and that of its contact
+    """Return the regularisation error of a solution with this energy norm, and that of its contact
     pressure, both relative; one or two back substitutions, collective.
     """
     data = outcome.problem.data

@@ -24,7 +24,7 @@ _LONG = FEW_NODES // 2
 
 
 def under_long_cells(tagged: TaggedMesh, facets: Indices, squares: Array) -> Array:
-    """The squared error of the pressure times area for which each owned cell stands, shape
+    """Return the squared error of the pressure times area for which each owned cell stands, shape
     (cells,): at each facet the largest squared error of the stress in the cells that are longer
     than a few times the facet and their distance from it; collective.
 

@@ -45,7 +45,7 @@ NAMES = {
 
 
 def between(seconds: tuple[float, float]) -> str:
-    """A time that is known from and to, such as 3 to 6 s."""
+    """Return a time that is known from and to, such as 3 to 6 s."""
     low, high = (duration(float(f"{value:.2g}")) for value in seconds)
     if low == high:
         return low if low.startswith("below") else f"about {low}"
@@ -56,8 +56,8 @@ def between(seconds: tuple[float, float]) -> str:
 
 
 def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
-    """Whether a requested accuracy divides cells where the error is; of forms, whether it can;
-    collective.
+    """Return whether a requested accuracy divides cells where the error is; of forms, whether it
+    can; collective.
 
     Drawings may have arcs that the mesh does not show.  In 3D the way is known for the error of the
     stress alone.
@@ -80,9 +80,12 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
 
 @dataclass(frozen=True)
 class NextRefinement:
-    """The meshes that lead to the next error; ``unknowns``: of the last one; ``times``: how many
-    times as long as the mesh that was solved all of them take, from and to; ``local``: whether
-    cells are divided where the error is.
+    """The meshes that lead to the next error.
+
+    Attributes:
+        unknowns: of the last one.
+        times: how many times as long as the mesh that was solved all of them take, from and to.
+        local: whether cells are divided where the error is.
     """
 
     unknowns: float
@@ -94,8 +97,8 @@ class NextRefinement:
 def next_refinement(
     statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, able: bool = True
 ) -> NextRefinement:
-    """What a requested accuracy does; residuals, which are not ``able`` to have one, get smaller
-    cells; collective.
+    """Return what a requested accuracy does; residuals, which are not ``able`` to have one, get
+    smaller cells; collective.
     """
     dimension = tagged.dimension
     degree = statement.element.degree
@@ -139,10 +142,13 @@ def next_cost(
     *,
     able: bool = True,
 ) -> CostOfAccuracy:
-    """The forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy
-    0.43%; ``solved``: unknowns and seconds of each mesh; ``starting``: the part of the last
-    seconds that a finer mesh takes no more of, such as that of compilation; ``able``: whether an
-    accuracy can be requested; collective.
+    """Return the forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with
+    --accuracy 0.43%; collective.
+
+    ``solved``: unknowns and seconds of each mesh.
+    ``starting``: the part of the last seconds that a finer mesh takes no more of, such as that of
+        compilation.
+    ``able``: whether an accuracy can be requested.
     """
     dofs, last = solved[-1]
     following = NEXT_ERROR[tagged.dimension] * error
@@ -179,7 +185,7 @@ def next_cost(
 
 
 def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
-    """Unknowns of each mesh, the last one first."""
+    """Return unknowns of each mesh, the last one first."""
     times = NEXT_ERROR[dimension]
     mesh = statement.origin.get("mesh")
     last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
@@ -212,8 +218,10 @@ DIVIDED_FOR = {"zone": "pressure"}
 
 
 def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool:
-    """Whether a requested accuracy divides cells where the error is, unless a scene says otherwise;
-    ``cell``: of its mesh, where a generator makes triangles in place of quadrilaterals;
+    """Return whether a requested accuracy divides cells where the error is, unless a scene says
+    otherwise.
+
+    ``cell``: of its mesh, where a generator makes triangles in place of quadrilaterals.
     ``straight``: whether the body has no arcs and no curved cells.
     """
     if of not in LOCAL or not straight or not divisible(statement, of):

@@ -60,7 +60,7 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
 
 
 def bends(table: ContactTable, path: Ints, values: Array) -> Array:
-    """How much the slope of nodal values changes at each row of one of ``paths``; at ends as
+    """Return how much the slope of nodal values changes at each row of one of ``paths``; at ends as
     much as beside them, shape (rows of it,).
     """
     rows, s, own = table.unrolled(path)
@@ -94,8 +94,8 @@ def _corners(table: ContactTable, rows: Ints, s: Array) -> list[tuple[int, int]]
 
 
 def growing_rows(table: ContactTable) -> Ints:
-    """The rows in contact at corners, ends and in 3D the rim, towards which the pressure is convex,
-    the largest one first; small pressures are left out.
+    """Return the rows in contact at corners, ends and in 3D the rim, towards which the pressure is
+    convex, the largest one first; small pressures are left out.
     """
     pressure = table.columns["pressure"]
     found = set[int]()
@@ -118,10 +118,12 @@ def turning(x: Array, y: Array) -> Array:
 
 def polygon_error(table: ContactTable, modulus: float) -> float:
     """Return the effect of facets in place of a curved contact boundary, relative to the contact
-    pressure; ``modulus``: stress per strain of the plane.
+    pressure.
 
     The slope of a polygon differs from that of the curve by up to half the angle between its
     facets, and slope times modulus is a pressure.
+
+    ``modulus``: stress per strain of the plane.
     """
     c = table.columns
     turns, _ = chords(table)
@@ -136,12 +138,14 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
 
 def chords(table: ContactTable, degree: int = 1) -> tuple[Array, Array]:
     """Return angles between the facets that are pressed and their neighbours, radians, corners left
-    out, and lengths of these facets; ``degree``: of the geometry.
+    out, and lengths of these facets.
 
     A parabola through three nodes on a circle is off it by far less than both of its chords: its
     slope by a^3 / 4 and its points by l a^3 / 32, of chords of length l at an angle a.  So with
     degree 2 the angles are a^3 / 4: points are off by an eighth of angle times length, as those of
     a polygon are.
+
+    ``degree``: of the geometry.
     """
     c = table.columns
     angles = [np.zeros(0)]
@@ -177,13 +181,15 @@ def beside(table: ContactTable, rows: Ints) -> list[Array]:
 
 
 def pressure_square(table: ContactTable) -> float:
-    """The squared norm of the pressure in L2(Gamma_c)."""
+    """Return the squared norm of the pressure in L2(Gamma_c)."""
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Array]) -> Array:
     """Sums over the intervals between nodes, for each facet of this rank, as in
-    ``boundary.segments``; ``intervals``: one array for each path of the table, shape (rows - 1,).
+    ``boundary.segments``.
+
+    ``intervals``: one array for each path of the table, shape (rows - 1,).
     """
     assert table.nodes is not None
     rows, following = (
@@ -226,7 +232,7 @@ class _Place:
 
     @classmethod
     def on(cls, tables: Sequence[ContactTable], rows: Sequence[int], *, corner: bool) -> _Place:
-        """The place that is a row of each table."""
+        """Return the place that is a row of each table."""
         pressure = np.array(
             [table.columns["pressure"][row] for table, row in zip(tables, rows, strict=True)]
         )
@@ -298,9 +304,12 @@ class _Place:
 
 
 def peak_error(tables: Sequence[ContactTable]) -> float | None:
-    """The relative error of the largest pressure on the last mesh; ``tables``: coarsest first; None
-    without contact, with few nodes in contact, where no mesh was coarser at the peak, and where the
-    pressure grows at some place, or may do so at a corner.
+    """Return the relative error of the largest pressure on the last mesh; None without contact,
+    with few nodes in contact, where no mesh was coarser at the peak, and where the pressure grows
+    at some place, or may do so at a corner.
+
+    Args:
+        tables: coarsest first.
     """
     if tables[-1].touching < FEW_NODES or (len(tables) > 1 and 2 * tables[-2].touching < FEW_NODES):
         return None
@@ -314,8 +323,8 @@ def peak_error(tables: Sequence[ContactTable]) -> float | None:
 
 
 def diverging_row(tables: Sequence[ContactTable]) -> int | None:
-    """The row of the last table where the pressure grows with every refinement; None: there is
-    none.
+    """Return the row of the last table where the pressure grows with every refinement, or None if
+    there is none.
 
     Where the nodes in contact were few and became more, it may only not have been resolved so far.
     """
@@ -327,9 +336,9 @@ def diverging_row(tables: Sequence[ContactTable]) -> int | None:
 
 
 def _kinked_row(tables: Sequence[ContactTable]) -> int | None:
-    """The row of the largest pressure of the last table, if the gap has a kink there in 2D, towards
-    which the pressure grows like a logarithm: the change of slope stays as cells become smaller,
-    and so does what each mesh adds; None: it has none.
+    """Return the row of the largest pressure of the last table, if the gap has a kink there in 2D,
+    towards which the pressure grows like a logarithm: the change of slope stays as cells become
+    smaller, and so does what each mesh adds; None if it has none.
     """
     if len(tables) <= GROWING_MESHES or tables[-1].facets is not None:
         return None
@@ -360,7 +369,7 @@ def _kinked_row(tables: Sequence[ContactTable]) -> int | None:
 
 
 def _followed(tables: Sequence[ContactTable]) -> list[_Place]:
-    """The place of the largest pressure, then the corners in contact, on all meshes."""
+    """Return the place of the largest pressure, then the corners in contact, on all meshes."""
     last = tables[-1]
     tops = [int(np.argmax(table.columns["pressure"])) for table in tables]
     if last.facets is not None:
@@ -388,12 +397,14 @@ def _followed(tables: Sequence[ContactTable]) -> list[_Place]:
 
 
 def corner_rows(table: ContactTable) -> Ints:
-    """The rows in contact at corners of the body in 2D, and at the ends of the contact boundary."""
+    """Return the rows in contact at corners of the body in 2D, and at the ends of the contact
+    boundary.
+    """
     return np.flatnonzero((_turns(table) > CORNER_ANGLE) & (table.columns["pressure"] > 0))
 
 
 def _turns(table: ContactTable) -> Array:
-    """How far the boundary turns at each node in 2D, radians; infinite at its ends."""
+    """Return how far the boundary turns at each node in 2D, radians; infinite at its ends."""
     x = places(table)
     turns = np.full(len(table.columns["x"]), np.inf)
     for path in table.paths:
@@ -403,8 +414,8 @@ def _turns(table: ContactTable) -> Array:
 
 
 def _spacing(table: ContactTable) -> Array:
-    """The length of the smaller interval beside each node; in 3D the side of the area that belongs
-    to it.
+    """Return the length of the smaller interval beside each node; in 3D the side of the area that
+    belongs to it.
     """
     if table.facets is not None:
         return np.sqrt(table.columns["weight"])

@@ -55,10 +55,14 @@ class StressRecovery:
         residual: Callable[[Expr], tuple[Callable[[float], None], ufl.Form | None]],
         degree: int | None = None,
     ) -> None:
-        """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, or what has its
-        displacement, components, parts, ``squared`` and ``refresh``; ``residual``: from a test
-        function that is constant in each cell to what ``boundary_residual`` returns; ``degree``: of
-        an exact quadrature in the cells; None: UFL estimates it; collective.
+        """Compile; None: UFL estimates it; collective.
+
+        Args:
+            stress: an ``ElementStress`` of a displacement of its own, or what has its displacement,
+                components, parts, ``squared`` and ``refresh``.
+            residual: from a test function that is constant in each cell to what
+                ``boundary_residual`` returns.
+            degree: of an exact quadrature in the cells.
         """
         self._stress = stress
         self._displacement = stress.displacement
@@ -104,7 +108,7 @@ class StressRecovery:
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
 
     def _projection(self) -> PETSc.KSP:
-        """The solver of the projection on the chosen cells, made anew to save memory;
+        """Return the solver of the projection on the chosen cells, made anew to save memory;
         collective.
         """
         mass = fem_petsc.assemble_matrix(self._mass)
@@ -191,8 +195,8 @@ class StressRecovery:
         ]
 
     def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[Indices, Array]]:
-        """The projected stress of a displacement in each material: the cells, local numbers, ghosts
-        included, shape (m,), and at their vertices ``ElementStress.components``, shape (m,
+        """Return the projected stress of a displacement in each material: the cells, local numbers,
+        ghosts included, shape (m,), and at their vertices ``ElementStress.components``, shape (m,
         vertices, components); collective.
         """
         nodes = self._recovered.function_space.dofmap.list
@@ -202,7 +206,7 @@ class StressRecovery:
         ]
 
     def _of_all_parts(self, y: fem.Function, step: float) -> list[Array]:
-        """The projected stress of a displacement in each material, at all unknowns of the
+        """Return the projected stress of a displacement in each material, at all unknowns of the
         projection; that of the last one is kept; collective.
         """
         self._fill(y, step)
@@ -240,9 +244,10 @@ class StressRecovery:
 def boundary_residual(
     model: Model, stress: ElementStress, z: Expr
 ) -> tuple[Callable[[float], None], ufl.Form | None]:
-    """What moves the loads of a scene to a place, and ``squared_residual`` where the traction is
-    known: not in contact, and for prescribed displacements only in free components.  In the other
-    ones the displacement may differ between the nodes: its square, times the stiffness over h.
+    """Return what moves the loads of a scene to a place, and ``squared_residual`` where the
+    traction is known: not in contact, and for prescribed displacements only in free components.  In
+    the other ones the displacement may differ between the nodes: its square, times the stiffness
+    over h.
     """
     statement = model.statement
     mesh = model.tagged.mesh
@@ -291,7 +296,9 @@ def boundary_residual(
 
 
 def _free(effect: Displacement, vector: Expr, on: FormCoefficients) -> Expr:
-    """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
+    """Return a vector without the components in which the displacement is prescribed, UFL, shape
+    (d,).
+    """
     if effect.normal is not None:
         return vector - ufl.inner(vector, on.normal) * on.normal
     free = [component is None for component in effect.components]
@@ -318,11 +325,13 @@ def squared_residual(
     of: Callable[[Ints, Expr], tuple[Expr, list[Expr], bool]],
     z: Expr,
 ) -> ufl.Form | None:
-    """The form of the squared residual of the traction, times h over the stiffness, of each cell,
-    on ``facets``, where it is known; None: there are none; ``on``: what acts on each of them, shape
-    (facets, k); ``of``: (which of the k act, minus the traction of the stress) -> what is left of
-    it, distances from what is prescribed, and whether any of these varies within a facet; ``z``:
-    test function, constant in each cell; collective.
+    """Return the form of the squared residual of the traction, times h over the stiffness, of each
+    cell, on ``facets``, where it is known; None if there are none; collective.
+
+    ``on``: what acts on each of them, shape (facets, k).
+    ``of``: (which of the k act, minus the traction of the stress) -> what is left of it, distances
+        from what is prescribed, and whether any of these varies within a facet.
+    ``z``: test function, constant in each cell.
     """
     space = stress.displacement.function_space
     mesh = space.mesh

@@ -56,8 +56,11 @@ class RigidPart:
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
     def largest_beside(self, y: Array) -> Array:
-        """The largest displacement of a node of each piece beside its nearest rigid motion, shape
-        (pieces,); ``y``: of the owned nodes, length, shape (owned nodes, d); collective.
+        """Return the largest displacement of a node of each piece beside its nearest rigid motion,
+        shape (pieces,); collective.
+
+        Args:
+            y: of the owned nodes, length, shape (owned nodes, d).
         """
         motion = self._without_mean(y)
         moment = self.sums(rmatvec(self._turned, motion))
@@ -67,9 +70,10 @@ class RigidPart:
         )
 
     def largest(self, values: Array, piece: Ints | None = None) -> Array:
-        """The largest of values of each piece, not below zero, inf where one is nan, shape
-        (pieces,); ``piece``: which piece each belongs to, -1: to none; None: values are those of
-        the owned nodes; collective.
+        """Return the largest of values of each piece, not below zero, inf where one is nan, shape
+        (pieces,); None if values are those of the owned nodes; collective.
+
+        ``piece``: which piece each belongs to, -1: to none.
         """
         piece = self.piece if piece is None else piece
         local_largest = np.zeros(self.count)
@@ -80,8 +84,8 @@ class RigidPart:
         )
 
     def norms(self, vectors: Array, piece: Ints | None = None) -> Array:
-        """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,);
-        collective.
+        """Return the norms of vectors at the owned nodes of each piece, or at others, shape
+        (pieces,); collective.
         """
         rows = vectors[:, None] if vectors.ndim == 1 else vectors
         squares = inner(rows, rows)[:, None]
@@ -110,25 +114,25 @@ class PrescribedNodes:
     turned: TurnedNodes | None = None
 
     def missed(self, y: Array) -> Array:
-        """How far displacements of the owned nodes are from what is prescribed, length, as a
+        """Return how far displacements of the owned nodes are from what is prescribed, length, as a
         list.
         """
         return np.abs(self._in_frames(y - self.value)[self.fixed])
 
     def among(self, of_node: Ints) -> Ints:
-        """Numbers that the owned nodes have, in the order of ``missed``."""
+        """Return numbers that the owned nodes have, in the order of ``missed``."""
         return np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed]
 
     def left(self, vectors: Array) -> Array:
-        """Vectors at the owned nodes without the directions that are prescribed, shape (owned
-        nodes, d).
+        """Return vectors at the owned nodes without the directions that are prescribed, shape
+        (owned nodes, d).
         """
         free = np.where(self.fixed, 0.0, self._in_frames(vectors))
         return free if self._frames is None else matvec(self._frames, free)
 
     def taken(self, forces: Array, position: int) -> Array:
-        """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned
-        nodes, d): forces that do the work of all on a displacement that it alone prescribes.
+        """Return the part of nodal forces that one entry of ``scene.displacement`` takes, shape
+        (owned nodes, d): forces that do the work of all on a displacement that it alone prescribes.
         """
         taken = np.where(self.by == position, forces, 0.0)
         if self.turned is None:
@@ -151,5 +155,5 @@ class PrescribedNodes:
         return None if self.turned is None else self.turned.frames_at(np.arange(len(self.fixed)))
 
     def _in_frames(self, vectors: Array) -> Array:
-        """Components of vectors at the owned nodes in these frames."""
+        """Return components of vectors at the owned nodes in these frames."""
         return vectors if self._frames is None else rmatvec(self._frames, vectors)

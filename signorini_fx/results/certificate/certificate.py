@@ -127,13 +127,15 @@ class Certificate:
         return self.worst <= CERTIFICATE_TOLERANCE
 
     def as_dict(self) -> dict[str, float | bool | str]:
-        """All figures, the law, and the verdict."""
+        """Return all figures, the law, and the verdict."""
         figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED, "checked")}
         return {**figures, "law": str(self.law), "holds": self.holds}
 
 
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
-    """The forces on a body without contact at a place in the lists of factors; collective."""
+    """Return the forces on a body without contact at a place in the lists of factors;
+    collective.
+    """
     statement = forces.statement
     tagged = forces.tagged
     scales = Scales(
@@ -335,9 +337,11 @@ def contact_conditions(
     law: Law,
     units: PieceScales,
 ) -> dict[str, float]:
-    """How far contact points are from the law, the figures of ``Certificate`` by name; ``slip``:
-    what tau_T y adds to the previous step, and ``origin``: shear at its end, both
-    ``ContactNodes.rounded``, shape (n, d); collective.
+    """Return how far contact points are from the law, the figures of ``Certificate`` by name;
+    collective.
+
+    ``slip``: what tau_T y adds to the previous step, and ``origin``: shear at its end, both
+        ``ContactNodes.rounded``, shape (n, d).
     """
     pressure = nodes.pressure
     shear = nodes.rounded(nodes.shear, -1)
@@ -407,9 +411,11 @@ def another_law(
     *,
     raises_gamma: bool = False,
 ) -> Finding | None:
-    """A warning where the law of the load steps, by their numbers, is not the one that settings ask
-    for; ``left``: the regularisation error of the last one relative to its energy norm, where a
-    path in gamma has found it;
+    """Return a warning where the law of the load steps, by their numbers, is not the one that
+    settings ask for.
+
+    ``left``: the regularisation error of the last one relative to its energy norm, where a path in
+        gamma has found it.
     ``raises_gamma``: whether an accuracy is asked for, which raises gamma as it needs to.
     """
     exact = settings.algorithm == "alm"

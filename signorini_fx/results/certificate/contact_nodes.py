@@ -41,7 +41,7 @@ class ContactConditions:
     bond: Bond | None  # as the step begins; None: there is none
 
     def part(self, *numbers: int) -> Ints:
-        """The points of some contacts."""
+        """Return the points of some contacts."""
         return np.flatnonzero(np.isin(self.boundary.part, numbers))
 
     @cached_property
@@ -67,7 +67,7 @@ class ContactNodes(ContactConditions):
 
     @classmethod
     def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
-        """The contact points of a problem with tractions at them."""
+        """Return the contact points of a problem with tractions at them."""
         known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
         return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
@@ -108,7 +108,7 @@ class ContactNodes(ContactConditions):
         return vectors + part[:, None] * across
 
     def along(self, vectors: Array) -> Array:
-        """The part of vectors at the points that is tangential, shape (n, d)."""
+        """Return the part of vectors at the points that is tangential, shape (n, d)."""
         return (
             vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal
         )
@@ -138,8 +138,11 @@ class ContactNodes(ContactConditions):
         return np.where(self.paired[:, None], self.boundary.x, averages.shares @ averages.x)
 
     def pieces(self, of_node: Ints) -> tuple[Ints, Ints]:
-        """The piece of the body at each point, and that on the other side, -1 where the foundation
-        is rigid, shape (n,); ``of_node``: the piece that each owned node is in.
+        """Return the piece of the body at each point, and that on the other side, -1 where the
+        foundation is rigid, shape (n,).
+
+        Args:
+            of_node: the piece that each owned node is in.
         """
         opposite = np.full(self.boundary.size, -1, dtype=np.int64)
         for pair, part in self.of_pairs:
@@ -166,8 +169,8 @@ class ContactNodes(ContactConditions):
         return total[:-1], float(total[-1]), reach
 
     def terms(self, y: Array) -> Array:
-        """The sums of the magnitudes of what relative displacements of two bodies are added up of,
-        0 on a rigid foundation, shape (n,).
+        """Return the sums of the magnitudes of what relative displacements of two bodies are added
+        up of, 0 on a rigid foundation, shape (n,).
         """
         averages = self.boundary.averages
         if not self.pairs:
@@ -181,8 +184,9 @@ class ContactNodes(ContactConditions):
         )
 
     def forces(self, owned: int, *parts: int) -> tuple[Ints, Array, Array]:
-        """What the tractions do to so many owned nodes, or those of some contacts: the local nodes
-        that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
+        """Return what the tractions do to so many owned nodes, or those of some contacts: the local
+        nodes that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape
+        (m,).
         """
         boundary = self.boundary
         averages = self.boundary.averages

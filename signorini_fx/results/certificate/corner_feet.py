@@ -27,8 +27,10 @@ def judged_corners(
     displacement: Array | None = None,
 ) -> tuple[ContactBoundary, Array]:
     """Return contact points and their gaps, length, shape (n,), with the rows of corners and the
-    nodes without points as they are by the rules; ``displacement``: of the nodes of this rank at
-    which corners see the body, length, shape (nodes, d); None: none; collective.
+    nodes without points as they are by the rules; None: none; collective.
+
+    ``displacement``: of the nodes of this rank at which corners see the body, length, shape (nodes,
+        d).
     """
     known = boundary.corners
     if known is None:

@@ -84,14 +84,14 @@ class Balance:
         return self.pieces.sums(self.added.energy[:, None])[:, 0]
 
     def works(self, y: Array) -> Array:
-        """What internal and initial forces do on displacements of the owned nodes, energies, shape
-        (pieces, 2).
+        """Return what internal and initial forces do on displacements of the owned nodes, energies,
+        shape (pieces, 2).
         """
         return self.pieces.sums(np.stack((self.internal * y, self.initial * y), axis=1).sum(axis=2))
 
     def strain_energy(self, works: Array) -> float:
-        """The energy of the stress from ``works``: of the strains, and what initial ones take of
-        it, but round-off.
+        """Return the energy of the stress from ``works``: of the strains, and what initial ones
+        take of it, but round-off.
         """
         internal, expanding = map(float, works.sum(axis=0))
         prevented = self.prevented - expanding
@@ -123,9 +123,13 @@ class Balance:
 
 
 class PieceScales(NamedTuple):
-    """What figures are divided by, for each piece or each point; ``length``: of the deformation;
-    ``far``: of the displacement; ``stress``: of the tractions, at least ``penalty``, of which
-    round-off is a share where two bodies meet by the regularised law.
+    """What figures are divided by, for each piece or each point.
+
+    Attributes:
+        length: of the deformation.
+        far: of the displacement.
+        stress: of the tractions, at least ``penalty``, of which round-off is a share where two
+            bodies meet by the regularised law.
     """
 
     length: Array
@@ -149,10 +153,10 @@ class PieceScales(NamedTuple):
 def equilibrium(
     balance: Balance, y: Array, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> tuple[float, tuple[int, ...], float]:
-    """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a
-    stress; pieces of which it says nothing, as all forces on them are round-off of the joint
-    system; and the residual that round-off of the evaluation may hide, relative to the forces on a
-    piece, or, where displacements alone act, to those within; collective.
+    """Return the residual of (3.3a) in the free unknowns, of each piece and of the worst contact
+    node as a stress; pieces of which it says nothing, as all forces on them are round-off of the
+    joint system; and the residual that round-off of the evaluation may hide, relative to the forces
+    on a piece, or, where displacements alone act, to those within; collective.
 
     Forces are relative to those of loads, contact and springs on the piece where it is free.  On
     slender bodies the reactions of supports, and so a(y, .), may be far larger: a share of them is
@@ -257,9 +261,11 @@ def equilibrium(
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
-    """How far the volume changes otherwise than a pressure that is an unknown says, relative to the
-    mean strain, or to what loads may cause (in an enclosed body a pressure, and no strain);
-    ``far``: largest displacement; collective.
+    """Return how far the volume changes otherwise than a pressure that is an unknown says, relative
+    to the mean strain, or to what loads may cause (in an enclosed body a pressure, and no strain);
+    collective.
+
+    ``far``: largest displacement.
     """
     if balance.dilation is None:
         return 0.0
@@ -282,8 +288,8 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
 
 
 def share(comm: MPI.Comm, parts: Array, wholes: Array) -> float:
-    """The largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and else inf
-    for a whole <= 0: a residual where no force acts is never small; collective.
+    """Return the largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and
+    else inf for a whole <= 0: a residual where no force acts is never small; collective.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(parts <= 0, 0.0, parts / wholes)

@@ -55,7 +55,7 @@ UNREGULARISED = Law()
 
 
 def overclosures_of(contacts: Sequence[Contact]) -> dict[int, Overclosure]:
-    """The laws of soft contact by the places of their contacts."""
+    """Return the laws of soft contact by the places of their contacts."""
     laws = (
         (number, getattr(contact, "overclosure", None)) for number, contact in enumerate(contacts)
     )
@@ -64,8 +64,10 @@ def overclosures_of(contacts: Sequence[Contact]) -> dict[int, Overclosure]:
 
 @dataclass(frozen=True)
 class Tractions:
-    """The contact tractions at the n contact points of this rank, stresses, shapes (n,) and (n, d);
-    ``shear``: mu as a vector of space: no frame is shared with the solver.
+    """The contact tractions at the n contact points of this rank, stresses, shapes (n,) and (n, d).
+
+    Attributes:
+        shear: mu as a vector of space: no frame is shared with the solver.
     """
 
     pressure: Array
@@ -73,12 +75,12 @@ class Tractions:
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
-        """No tractions at any point."""
+        """Return no tractions at any point."""
         return cls(np.zeros(boundary.size), np.zeros_like(boundary.x))
 
     @classmethod
     def of(cls, state: ContactState) -> Tractions:
-        """The contact tractions of a contact state."""
+        """Return the contact tractions of a contact state."""
         return cls(state.pressure, matvec(state.boundary.tangents, state.shear))
 
 

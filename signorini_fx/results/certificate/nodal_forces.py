@@ -80,7 +80,7 @@ class NodalForces:
 
     @shared_in("_of_forms")
     def _y(self) -> fem.Function:
-        """The displacement at which forms are evaluated."""
+        """Return the displacement at which forms are evaluated."""
         return self._on.elastic.displacement()
 
     @shared_in("_of_forms")
@@ -134,9 +134,9 @@ class NodalForces:
         )
 
     def initial(self, step: float, displacement: fem.Function) -> tuple[Array, float]:
-        """Forces of the stress that initial strains and jumps of a load step cause where they are
-        prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps, and what
-        both add to the energy of a ``displacement``.
+        """Return forces of the stress that initial strains and jumps of a load step cause where
+        they are prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps,
+        and what both add to the energy of a ``displacement``.
         """
         strain, jump, degree = self._at_step(step)
         if strain is None and jump is None:
@@ -152,9 +152,9 @@ class NodalForces:
         return self._sum(prevented), self._number(energy)
 
     def dilation(self, displacement: fem.Function, step: float) -> tuple[Array, Array] | None:
-        """How far the volume changes otherwise than a pressure says, tested with the functions of
-        the pressure, and their integrals, volumes, both of shape (owned unknowns of the pressure,);
-        None: no pressure is an unknown.
+        """Return how far the volume changes otherwise than a pressure says, tested with the
+        functions of the pressure, and their integrals, volumes, both of shape (owned unknowns of
+        the pressure,); None if no pressure is an unknown.
         """
         if not self.pressed:
             return None
@@ -166,8 +166,8 @@ class NodalForces:
         return np.sum([assemble(form) for form in residual], axis=0), assemble(volume)
 
     def through(self, jump: Jump, displacement: fem.Function, step: float) -> float:
-        """The work on a jump of one of the stress in the cells beyond it, without that of the loads
-        in these cells: the tension through its section, a force.
+        """Return the work on a jump of one of the stress in the cells beyond it, without that of
+        the loads in these cells: the tension through its section, a force.
         """
         strain, jumps, degree = self._at_step(step)
         self._take(displacement)
@@ -191,8 +191,8 @@ class NodalForces:
     def resisted(
         self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None
     ) -> Array:
-        """What resists a displacement on the boundary: all of it, or some; forces, shape (owned
-        nodes, d).
+        """Return what resists a displacement on the boundary: all of it, or some; forces, shape
+        (owned nodes, d).
         """
         some = self.statement.of(Resistance) if resistances is None else resistances
         acting = [effect for effect in some if effect.acts]
@@ -205,8 +205,8 @@ class NodalForces:
         return self._sum(forms)
 
     def external(self, step: float, some: Sequence[ForceDensity] | None = None) -> Array:
-        """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
-        none.
+        """Return the forces in L of a load step, all or some, shape (owned nodes, d); initial
+        strains have none.
         """
         total = np.zeros((self.owned, self.dimension))
         self._on.move_to(step)
@@ -227,7 +227,7 @@ class NodalForces:
         return total
 
     def prescribed(self, step: float) -> PrescribedNodes:
-        """The displacements that supports prescribe in a load step."""
+        """Return the displacements that supports prescribe in a load step."""
         statement = self.statement
         tagged = self.tagged
         now = [statement.now(entry, step) for entry in statement.displacement]
@@ -266,6 +266,6 @@ class NodalForces:
         return sum((assemble(form) for form in forms), zero).reshape(-1, self.dimension)
 
     def _number(self, forms: Sequence[fem.Form]) -> float:
-        """The sum of forms without arguments."""
+        """Return the sum of forms without arguments."""
         local_sum = sum((float(fem.assemble_scalar(form)) for form in forms), 0.0)
         return parallel.total(self.tagged.mesh.comm, local_sum)

@@ -65,8 +65,8 @@ class PairPoints:
 
     @staticmethod
     def relative(moving: MovingPair, owned: Array, normal: Array) -> Array:
-        """The relative displacement from that of the owned nodes, shape (n, d): along the normal
-        the distance, negative, and across it the slip since the step began.
+        """Return the relative displacement from that of the owned nodes, shape (n, d): along the
+        normal the distance, negative, and across it the slip since the step began.
         """
         pair = copy(moving)
         pair.move(owned)
@@ -74,8 +74,8 @@ class PairPoints:
         return slip - pair.coupling.gap[:, None] * normal
 
     def on_other_side(self, of_node: Ints) -> Ints:
-        """Numbers that the owned nodes have, at the node of the other side that each point meets
-        most, else -1, shape (n,).
+        """Return numbers that the owned nodes have, at the node of the other side that each point
+        meets most, else -1, shape (n,).
         """
         of_master = from_owners(
             of_node[:, None].astype(np.float64), self.sides.master.nodes, self.sides.space.mesh.comm
@@ -89,8 +89,9 @@ class PairPoints:
         return opposite
 
     def least_area(self) -> Array:
-        """Areas of the owned nodes of the space on which the pair may act beside its points: what
-        turns directions of sides that slide acts on the neighbours of points on the slave, too.
+        """Return areas of the owned nodes of the space on which the pair may act beside its points:
+        what turns directions of sides that slide acts on the neighbours of points on the slave,
+        too.
         """
         sides = self.sides
         area = np.zeros(self.sides.space.dofmap.index_map.size_local)
@@ -100,8 +101,8 @@ class PairPoints:
         return area
 
     def error(self) -> float:
-        """The largest error of the identities of the map, relative to one, to weights, or to the
-        size of the sides.
+        """Return the largest error of the identities of the map, relative to one, to weights, or to
+        the size of the sides.
         """
         sides = self.sides
         comm = self.sides.space.mesh.comm
@@ -149,10 +150,10 @@ class PairPoints:
 
 
 def _size_of(x: Array) -> float:
-    """The diagonal of the box around places, which are those of all ranks."""
+    """Return the diagonal of the box around places, which are those of all ranks."""
     return diagonal(x)
 
 
 def _largest(values: Array) -> float:
-    """The largest magnitude."""
+    """Return the largest magnitude."""
     return float(np.max(np.abs(values), initial=0.0))

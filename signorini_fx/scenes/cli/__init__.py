@@ -94,8 +94,9 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
 
 def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     """Run a command that all ranks share, which returns the exit code; every way in which it can
-    end, in one place;
-    ``source``: name of the scene in messages; None: the command has none.
+    end, in one place; None if the command has none.
+
+    ``source``: name of the scene in messages.
     """
     try:
         check_fenicsx()
@@ -106,7 +107,7 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     comm = MPI.COMM_WORLD
 
     def end(code: int) -> int:
-        """An error on a single rank would leave the others waiting for ever."""
+        """Return an error on a single rank would leave the others waiting for ever."""
         if comm.size > 1:
             comm.Abort(code)
         return code
@@ -142,8 +143,8 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
 
 
 def _explained(error: Exception) -> object:
-    """The message for an error of a lack of memory, or of options of the user for PETSc; None:
-    another one.
+    """Return the message for an error of a lack of memory, or of options of the user for PETSc;
+    None: another one.
     """
     if "petsc4py.PETSc" not in sys.modules:
         return _OUT_OF_MEMORY if isinstance(error, MemoryError) else None

@@ -69,7 +69,7 @@ def _begin_job(petsc_options: Sequence[str]) -> None:
 def _read_scene(
     options: argparse.Namespace, comm: MPI.Comm, leave_out: Sequence[str] = ()
 ) -> Scene:
-    """The scene on every rank, with what the command line changes but some entries; PETSc is
+    """Return the scene on every rank, with what the command line changes but some entries; PETSc is
     started.
     """
     from signorini_fx.machine import parallel
@@ -387,7 +387,7 @@ def mesh_info(options: argparse.Namespace) -> str:
 
 
 def schema(options: argparse.Namespace) -> str:
-    """The JSON schema of scene files, or of the summary in result folders."""
+    """Return the JSON schema of scene files, or of the summary in result folders."""
     from signorini_fx.scenes.template import scene_schema, summary_schema
 
     return json.dumps(summary_schema() if options.summary else scene_schema(), indent=2)

@@ -52,7 +52,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser() -> argparse.ArgumentParser:
-    """The commands and their options."""
+    """Return the commands and their options."""
     epilog = (
         "Options after -- are passed to PETSc, for example: -- -sfx_snes_monitor "
         "-sfx_pc_factor_mat_solver_type mumps. "
@@ -213,8 +213,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def named_path(text: str) -> Path:
-    """A path; an empty one, as of a variable of a shell that is not set, would be the current
-    folder.
+    """Return a path; an empty one, as of a variable of a shell that is not set, would be the
+    current folder.
     """
     if not text:
         raise argparse.ArgumentTypeError("a name is expected, got ''; the current folder is .")
@@ -244,7 +244,7 @@ def parsed_setting(text: str) -> tuple[str, Any]:
 
 
 def changes(options: argparse.Namespace) -> dict[str, Any]:
-    """The entries of the scene that the command line replaces, by their paths."""
+    """Return the entries of the scene that the command line replaces, by their paths."""
     entries = {
         "accuracy.target": getattr(options, "accuracy", None),
         "accuracy.of": getattr(options, "of", None),

@@ -30,12 +30,12 @@ Selection = int | tuple[int, ...] | Callable[[Array], Array]
 
 
 def plain(values: Column) -> Any:
-    """An array as lists of Python numbers."""
+    """Return an array as lists of Python numbers."""
     return values.tolist()
 
 
 def bounds(points: Array) -> list[list[float]]:
-    """The smallest and the largest coordinates."""
+    """Return the smallest and the largest coordinates."""
     found = [plain(points.min(axis=0)), plain(points.max(axis=0))]
     return found
 
@@ -66,8 +66,10 @@ class RawMesh:
 
 
 class Numbering:
-    """Numbers of nodes or elements in the order of their rows; ``again``: the rows of numbers that
-    came before.
+    """Numbers of nodes or elements in the order of their rows.
+
+    Attributes:
+        again: the rows of numbers that came before.
     """
 
     def __init__(self, numbers: Ints) -> None:
@@ -77,7 +79,7 @@ class Numbering:
         self.again = self._order[1:][self._sorted[1:] == self._sorted[:-1]]
 
     def rows(self, wanted: Ints) -> Ints:
-        """The row of each number, -1: it is none of these."""
+        """Return the row of each number, -1: it is none of these."""
         if not self.numbers.size:
             return np.full(len(wanted), -1)
         places = np.minimum(np.searchsorted(self._sorted, wanted), len(self.numbers) - 1)
@@ -166,8 +168,8 @@ def from_raw(
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
 ) -> MeshArrays:
-    """The cells of a raw mesh with their exterior facets, those inside that have a name, and all
-    names.
+    """Return the cells of a raw mesh with their exterior facets, those inside that have a name, and
+    all names.
 
     The mesh is in 3D if it has cells of three dimensions; otherwise it must be in a plane x[2] =
     constant.
@@ -308,7 +310,7 @@ class _Entities:
     data: Mapping[str, Mapping[int, Ints]]  # name -> number -> elements
 
     def take(self, elements: Ints) -> Ints:
-        """The entities that elements are, sorted."""
+        """Return the entities that elements are, sorted."""
         numbers = self.number[elements]
         return np.unique(numbers[numbers >= 0])
 
@@ -334,7 +336,7 @@ def _entities(
 
 
 def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
-    """The elements that have each number, in the order of the numbers; below 0 is none."""
+    """Return the elements that have each number, in the order of the numbers; below 0 is none."""
     order = np.argsort(values := np.concatenate(numbers), kind="stable")
     found, first = np.unique(values[order], return_index=True)
     parts = np.split(np.concatenate(elements)[order], first[1:])
@@ -360,7 +362,7 @@ def _no_number(
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
-    """The kind of the cells and the blocks that hold them."""
+    """Return the kind of the cells and the blocks that hold them."""
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
         if len(nodes) and dimension(kind) > 1:
@@ -387,8 +389,8 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
 
 
 def _points_of(positions: Array, cells: Ints, dim: int, name: str) -> tuple[Array, Ints, Ints]:
-    """Points that cells use, the cells in their numbers, and the new number of every point (-1:
-    dropped).
+    """Return points that cells use, the cells in their numbers, and the new number of every point
+    (-1: dropped).
     """
     used = np.zeros(len(positions), dtype=bool)
     used[cells] = True
@@ -423,8 +425,8 @@ def _check_plane(points: Array, name: str) -> None:
 
 
 def _complete(points: Array, cells: Ints, cell: Cell, weights: Array) -> tuple[Array, Ints]:
-    """Points and cells with the nodes in the middle of faces that the cells lack, joined where
-    cells meet.
+    """Return points and cells with the nodes in the middle of faces that the cells lack, joined
+    where cells meet.
     """
     new = cell.nodes[cells.shape[1] :]
     # A face is identified by its corners, a cell by its number.
@@ -444,7 +446,7 @@ def _complete(points: Array, cells: Ints, cell: Cell, weights: Array) -> tuple[A
 
 
 def sides_of(cells: Ints, cell: Cell) -> Ints:
-    """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a
+    """Return nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a
     facet).
     """
     return cells[:, cell.facet_nodes].reshape(-1, cell.facet_nodes.shape[1])
@@ -465,7 +467,9 @@ def pieces_of(mesh: MeshArrays) -> Ints:
 
 
 def _exterior(sides: Ints, width: int, name: str) -> Ints:
-    """The sides with so many corners that belong to one cell only, in the order of the cells."""
+    """Return the sides with so many corners that belong to one cell only, in the order of the
+    cells.
+    """
     keys = row_keys(sides[:, :width])
     counts = np.bincount(keys)
     alone = sides[counts[keys] == 1]
@@ -480,7 +484,9 @@ def _exterior(sides: Ints, width: int, name: str) -> Ints:
 
 
 def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
-    """The sides of cells inside the body with the corners of some named facets, each once."""
+    """Return the sides of cells inside the body with the corners of some named facets, each
+    once.
+    """
     width = named.shape[1]
     wanted = named[rows_of(named, exterior[:, :width]) < 0]
     if not wanted.size:
@@ -490,7 +496,7 @@ def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
 
 
 def _numbers(entities: _Entities, data: str | None, name: str) -> Mapping[int, Ints] | None:
-    """The cell data that numbers refer to; None if there is none, or more than one."""
+    """Return the cell data that numbers refer to; None if there is none, or more than one."""
     if data is None:
         possible = [numbers for numbers in entities.data.values() if numbers]
         return possible[0] if len(possible) == 1 else None

@@ -113,7 +113,9 @@ CELLS = {cell.kind: cell for cell in _KINDS}
 
 
 def kind_of_mesh(mesh: Mesh) -> Cell | None:
-    """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
+    """Return the kind of the cells of a mesh of dolfinx; None for a geometry of a degree above
+    2.
+    """
     from signorini_fx.machine import compat
 
     word = mesh.topology.cell_name()
@@ -137,7 +139,7 @@ def order_in(program: str, kind: Cell) -> Ints:
 
 
 def straight(cell: Cell) -> Cell:
-    """The kind with the same corners and no nodes between them."""
+    """Return the kind with the same corners and no nodes between them."""
     return CELLS[family(cell.kind)]
 
 
@@ -167,7 +169,7 @@ def completed(kind: str) -> tuple[Cell, Array] | None:
 
 
 def family(kind: str) -> str:
-    """The kind of the elements with the same corners and no nodes between them."""
+    """Return the kind of the elements with the same corners and no nodes between them."""
     return kind.rstrip("0123456789")
 
 
@@ -190,8 +192,8 @@ def measures(points: Array, nodes: Ints, cell: Cell) -> Array:
 
 
 def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
-    """The integral of each shape function over each element, which is the share of its node, shape
-    (m, k).
+    """Return the integral of each shape function over each element, which is the share of its node,
+    shape (m, k).
     """
     x, weights = basix.make_quadrature(cell.basix_type, _DEGREE)
     shares = [np.empty((0, len(cell.nodes)))]
@@ -207,13 +209,15 @@ def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
 
 
 def _jacobian(points: Array, nodes: Ints, cell: Cell, x: Array) -> Array:
-    """Derivatives of the position at places of the reference cell, shape (m, places, d, dim)."""
+    """Return derivatives of the position at places of the reference cell, shape (m, places, d,
+    dim).
+    """
     return np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True)
 
 
 def curvature(points: Array, cells: Ints, cell: Cell) -> float:
-    """The largest distance of a node between corners from where that of a straight cell would be, a
-    length.
+    """Return the largest distance of a node between corners from where that of a straight cell
+    would be, a length.
     """
     away = [
         points[cells[:, k]] - points[cells[:, list(ends)]].mean(axis=1)

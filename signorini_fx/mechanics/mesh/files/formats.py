@@ -42,7 +42,7 @@ def read_file(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """A mesh in 2D or in 3D from a file, the format by its suffix.
+    """Return a mesh in 2D or in 3D from a file, the format by its suffix.
 
     A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other
     meshes are divided, on their own curved sides.  With ``joined`` solids of a CAD drawing that
@@ -101,8 +101,8 @@ def read_file(
 
 
 def files_of(file: Path) -> list[Path]:
-    """A file of a mesh or of anything else, and what it includes as an Abaqus input file; or a
-    ``MeshError``.
+    """Return a file of a mesh or of anything else, and what it includes as an Abaqus input file; or
+    a ``MeshError``.
     """
     return (
         list(add_on("deck_files").read_keywords(file)[1])
@@ -135,7 +135,7 @@ def raw_of(mesh: MeshInMemory) -> RawMesh:
 
 
 def read_meshio(file: Path, kind: str) -> RawMesh:
-    """The content of a file of a format of meshio.
+    """Return the content of a file of a format of meshio.
 
     The format is called itself, because ``meshio.read`` ends the process if it cannot read a file.
 
@@ -193,8 +193,8 @@ def _of_meshio(mesh: meshio.Mesh) -> RawMesh:
 
 
 def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
-    """A mesh and tags that dolfinx has written into one XDMF file, of which meshio would read the
-    mesh alone.
+    """Return a mesh and tags that dolfinx has written into one XDMF file, of which meshio would
+    read the mesh alone.
     """
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
     from dolfinx import mesh as dmesh

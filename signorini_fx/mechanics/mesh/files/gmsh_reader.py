@@ -132,8 +132,8 @@ def read_gmsh(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """A mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content of the
-    file, the other arguments are those of ``formats.read_file``.
+    """Return a mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content
+    of the file, the other arguments are those of ``formats.read_file``.
     """
     file = mesh.file
     suffix = mesh.file.suffix.lower()
@@ -158,7 +158,7 @@ def read_gmsh(
 
 
 def content(gmsh: ModuleType) -> RawMesh:
-    """The mesh of the current model; physical groups are sets."""
+    """Return the mesh of the current model; physical groups are sets."""
     tags, x, _ = gmsh.model.mesh.getNodes()
     numbering = Numbering(np.asarray(tags, dtype=np.int64))
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
@@ -250,7 +250,7 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
 
 
 def _begins_as(file: Path, *forms: str) -> bool:
-    """Whether a file begins as those of some formats do."""
+    """Return whether a file begins as those of some formats do."""
     with file.open("rb") as stream:
         start = stream.read(256).lstrip()
     return start.startswith(tuple(word for form in forms for word in _BEGINNINGS[form]))
@@ -327,7 +327,7 @@ def _mesh(gmsh: ModuleType, halvings: int, degree: int | None) -> None:
 
 
 def _inverted(gmsh: ModuleType) -> bool:
-    """Whether a curved solid cell has been turned inside out."""
+    """Return whether a curved solid cell has been turned inside out."""
     mesh = gmsh.model.mesh
     kinds = [kind for kind in mesh.getElementTypes(3) if mesh.getElementProperties(kind)[2] > 1]
     cells = [mesh.getElementsByType(kind)[0] for kind in kinds]

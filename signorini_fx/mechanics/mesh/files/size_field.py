@@ -80,8 +80,8 @@ def with_sizes(
     cure: str,
     unit: float = 1.0,
 ) -> MeshArrays | None:
-    """The mesh of the current model with cells of some lengths; None: its boundaries are to have no
-    others.
+    """Return the mesh of the current model with cells of some lengths, or None if its boundaries
+    are to have no others.
 
     Args:
         gmsh: the module.
@@ -126,7 +126,7 @@ def with_sizes(
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
-    """The lengths of cells around each corner; shorter at some boundaries, growing by
+    """Return the lengths of cells around each corner; shorter at some boundaries, growing by
     ``SIZE_GROWTH`` per length.
     """
     from scipy.spatial import cKDTree
@@ -143,6 +143,6 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
 
 
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Array:
-    """The longest edge of each facet of a boundary, shape (f,)."""
+    """Return the longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
     return np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0)
