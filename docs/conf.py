@@ -16,6 +16,7 @@ from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from myst_parser.parsers.sphinx_ import MystParser
+from sphinx.ext.autodoc.mock import _MockObject
 from sphinx.util import logging
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -57,6 +58,8 @@ autodoc_mock_imports = [
     "ufl",
 ]
 autodoc_mock_imports += ["signorini_fx.machine.compat"]  # it refuses other versions of dolfinx
+# A type of them may be one of several.
+_MockObject.__or__ = _MockObject.__ror__ = lambda mock, other: mock
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"
