@@ -198,10 +198,22 @@ def _displacement(posed: Posed, state: State) -> fem.Function:
 
 
 def state_of(
-    posed: Posed, start: Start, outcome: Outcome, displacement: fem.Function, state: State
+    posed: Posed,
+    start: Start,
+    outcome: Outcome,
+    unknowns: PETSc.Vec,
+    displacement: fem.Function,
+    state: State,
 ) -> State:
-    """Return the end of a step with a solution that began from a ``state``, at a displacement from
-    the initial position; all that no step changes is as it was; collective.
+    """Return the end of a step with a solution; all that no step changes is as it was; collective.
+
+    Args:
+        posed: what the step was solved with.
+        start: where its contact problem began.
+        outcome: how it ended.
+        unknowns: ``outcome.displacement()``, whose interior takes a back substitution.
+        displacement: from the initial position.
+        state: from which the step began.
     """
     body = posed.body
     task = posed.task
@@ -214,7 +226,6 @@ def state_of(
     if start.law is not None:
         kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
         elastic = np.zeros_like(shear) if outcome.augmented else kept
-    unknowns = outcome.displacement()
     fields = state.fields
     if body.mixed is not None:
         values = unknowns.getArray(readonly=True)[unknowns.getLocalSize() - body.mixed.count :]

@@ -584,7 +584,7 @@ def judged(
             rigid_bodies=rigid,
             reason=reason,
         )
-    new = state_of(posed, start, outcome, displacement, state)
+    new = state_of(posed, start, outcome, unknowns, displacement, state)
     report = Report(result, mechanics, posed, start, outcome, outcome.problem.data)
     return replace(new, time=result.time), report
 

@@ -959,7 +959,7 @@ class NonlinearBody(BodyOfForms):
         coordinates = elastic.driven(unknowns, None)
         new = self.last
         if outcome.status is Status.CONVERGED:
-            new = state_of(linear.posed, linear.start, outcome, displacement, self.begin)
+            new = state_of(linear.posed, linear.start, outcome, unknowns, displacement, self.begin)
         values = displacement.x.array
         self.solved = Solved(self, linear, outcome, state, values, coordinates, new)
         return self.solved
