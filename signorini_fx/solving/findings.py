@@ -602,9 +602,9 @@ def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Find
             continue
         mean = np.average(pressure, weights=own.columns["weight"] * (pressure != 0))
         if body.scales.modulus * change >= mean * lengths.mean() / 2:
-            facets, cells = ("straight facets", ", curved cells") if degree == 1 else ("facets", "")
+            cells = ", curved cells with element.degree = 2" if degree == 1 else ""
             text = (
-                f"{facets} of {effect.boundary!r} and {effect.against!r} are up to {off:.2g} off "
+                f"facets of {effect.boundary!r} and {effect.against!r} are up to {off:.2g} off "
                 "the curved sides, which changes the pressure as much as the loads do: take "
                 f'smaller facets{cells}, or distance = "nominal" (of nonlinear bodies with '
                 'sliding = "small")'
