@@ -525,6 +525,8 @@ def test_commands_of_claims(command, monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(sys, "path", [str((ROOT / words[0]).parent), *sys.path])
     monkeypatch.setattr(sys, "argv", ["program", "--help"])
+    for name in (module, f"{module}.__main__"):  # another test may have imported it
+        monkeypatch.delitem(sys.modules, name, raising=False)
     run = partial(runpy.run_module, module) if module else partial(runpy.run_path, words[0])
     with pytest.raises(SystemExit) as end:
         run(run_name="__main__")

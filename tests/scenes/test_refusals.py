@@ -26,9 +26,7 @@ BLOCK = {
     "material": {"young": 1000.0, "poisson": 0.3},
     "contact": [{"boundary": "bottom", "friction": COULOMB}],
 }
-PRESSED = {"traction": {"boundary": "top", "y": -1.0}}
 HELD = {"displacement": {"boundary": "top", "x": 0.0, "y": -0.001}}
-MOVING = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["0.01*t", 0.0]}
 TRIANGLES = rectangle_mesh(4, 2, cell="triangle")
 STACK = [
     {"name": name, "mesh": TRIANGLES, "shift": [0.0, height]}
@@ -102,9 +100,6 @@ def ellipse(**more):
 
 
 REFUSED = {
-    "foundation that moves, body held by contact": BLOCK
-    | PRESSED
-    | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
     "no contact to begin with": BLOCK | HELD | {"solver": {"initial_contact": "x[0] - 5"}},
     "pressure of an enclosed body": {
         "mesh": BLOCK["mesh"],
