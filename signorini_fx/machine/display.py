@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
-    """Return a table in HTML; numbers with six digits."""
+    """Return a table in HTML: numbers with six digits, words from the left."""
 
     def safe(text: str) -> str:
         return escape(printable(text))
 
     def cell(value: Any) -> str:
-        return safe(f"{value:.6g}" if isinstance(value, float) else str(value))
+        if isinstance(value, str):
+            return f'<td style="text-align: left">{safe(value)}</td>'
+        return f"<td>{safe(f'{value:.6g}' if isinstance(value, float) else str(value))}</td>"
 
     head = "".join(f"<th>{safe(name)}</th>" for name in columns)
-    body = "".join(
-        f"<tr>{''.join(f'<td>{cell(value)}</td>' for value in row)}</tr>" for row in rows
-    )
+    body = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows)
     rows_of_names = f"<caption>{safe(caption)}</caption><thead><tr>{head}</tr></thead>"
     return f"<table>{rows_of_names}<tbody>{body}</tbody></table>"
 

@@ -144,7 +144,13 @@ class Solution:
     def _repr_html_(self) -> str:
         """Return these lines as a table for notebooks."""
         first, *lines = self._answer or [TerminalLine(repr(self))]
-        rows = [(line.begin.strip(), line.text) for line in lines]
+        rows = list[tuple[str, str]]()
+        for line in lines:
+            begin, text = line.begin.strip(), line.text.strip()
+            if not begin and rows:  # a terminal is less wide than a cell
+                begin, before = rows.pop()
+                text = f"{before} {text}"
+            rows.append((begin, text))
         return html_table(("", ""), rows, str(first))
 
     @property

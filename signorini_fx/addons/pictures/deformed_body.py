@@ -74,12 +74,11 @@ def deformed_mesh(
     widths = [min(widest, widest / aspect) for aspect in aspects]
     height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
     rows = [height, _PROFILE] if pressed else [height]
-    size = max(sum(widths), 3.0) + 0.7 * len(panels), sum(rows) + 1.3
+    beside = 2.0 if pressed else 1.3  # title, axes and bar: too little of it makes bodies narrower
+    size = max(sum(widths), 3.0) + 0.7 * len(panels), sum(rows) + beside
     figure = Figure(figsize=size, layout="constrained")
     layout = figure.add_gridspec(len(rows), len(panels), width_ratios=widths, height_ratios=rows)
     grid = [figure.add_subplot(layout[0, k]) for k in range(len(panels))]
-    if pressed:
-        draw_pressures(figure.add_subplot(layout[1, :]), pressed)
     for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
         _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
         for line in _lines(foundations, scale):
@@ -93,6 +92,11 @@ def deformed_mesh(
         axes.spines[:].set_visible(False)
         axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
         axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
+    if pressed:
+        below = figure.add_subplot(layout[1, :])
+        draw_pressures(below, pressed)
+        if len(panels) == 1 and all(boundary.label == "x" for boundary in pressed):
+            below.set_xlim(grid[0].get_xlim())  # below the points that press
     if largest is not None:
         mark_largest(grid[0], moved[largest.point], largest.text)
     tones.bar(figure, grid)
