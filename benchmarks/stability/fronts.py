@@ -604,13 +604,13 @@ def iterations(solution: Solution) -> list[tuple[int, ...]]:
 
 
 def numbers_in(value: Any) -> list[float]:
-    """Those of a value of JSON, but where it has its largest one: another place may have one that
-    is as large.
+    """Those of a value of JSON, but where it has its largest one, as another place may have one
+    that is as large, and the error of a stress, which is not known of forms: nobody says where a
+    stress of theirs has no limit.
     """
     if isinstance(value, dict):
-        return [
-            number for key, part in value.items() if key != "place" for number in numbers_in(part)
-        ]
+        parts = [part for key, part in value.items() if key not in ("place", "error")]
+        return [number for part in parts for number in numbers_in(part)]
     if isinstance(value, list | tuple):
         return [number for part in value for number in numbers_in(part)]
     return [float(value)] if isinstance(value, int | float) else []

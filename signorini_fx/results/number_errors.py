@@ -6,8 +6,9 @@ a(e_y, e_z) with the error of the adjoint state z of J (R. Becker and R. Rannach
 it there is what nodes miss of a gap that bends between them, what straight facets miss of an arc,
 and of friction what turns between two nodes.  Where no adjoint state is known, or it would take
 longer than a share of the solve, it is the square of that of the displacement, by J. A. Nitsche's
-argument, from which the largest pressure has what its kink does not show.  The von Mises stress is
-known by its jumps, the contact area by the facets in which zones end.
+argument, from which the largest pressure has what its kink does not show, beside the penetration
+that the regularised law allows.  The von Mises stress is known by its jumps, the contact area by
+the facets in which zones end.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import basix
 import numpy as np
 
-from signorini_fx.arrays import Array, Ints, rmatvec
+from signorini_fx.arrays import Array, Columns, Ints, rmatvec
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.display import point_in_words
@@ -165,7 +166,9 @@ def _bounded(table: ContactTable, arms: Array, size: float) -> float:
     """Return the largest sum of friction forces, times their ``arms``, shape (n,), or the ``size``
     of other forces if it is smaller.
     """
-    return float(np.fmin(table.columns["weight"] * arms @ table.columns["bound"], size))
+    weights = table.columns["weight"] * arms
+    on = weights > 0  # a bound may be infinite, and is no number where a bond holds
+    return float(np.fmin(weights[on] @ table.columns["bound"][on], size))
 
 
 def _moments(solution: Any) -> dict[str, PrintedNumber]:
@@ -423,6 +426,7 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
     kink = _kink(table, row)
     error = solution.mean_error
     width = MARGIN * kink if isinstance(error, str) else max(kink, error**2)
+    width += MARGIN * _given_way(columns)
     if table.touching < _TOO_FEW:
         width = max(width, 1 / (1 + table.touching))
         return PrintedNumber(**known, error=width * value, why=f"{table.touching} nodes in contact")
@@ -435,6 +439,14 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
     if kink >= _UNRESOLVED:
         return PrintedNumber(**known, why=f"not resolved: {100 * kink:.0f} % to the next node")
     return PrintedNumber(**known, error=width * value)
+
+
+def _given_way(columns: Columns) -> float:
+    """Return the largest penetration relative to the largest normal displacement in contact."""
+    touching = columns["state"] != "open"
+    inside = columns["u_n"][touching] - columns["gap"][touching]
+    largest = float(np.abs(columns["u_n"][touching]).max())
+    return max(float(inside.max()), 0.0) / largest if largest > 0 else 0.0
 
 
 def _near_a_corner(solution: Any) -> str:

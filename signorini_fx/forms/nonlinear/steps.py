@@ -354,10 +354,12 @@ class EquilibriumSolver:
         of the body itself.
         """
         inner = solved.status
-        if inner is Status.NOT_HELD or (inner is Status.OPEN and solved.loose):
-            loose = "nothing presses on the body, and the supports do not hold it"
-            return Verdict(inner, loose if solved.loose else "")
-        if inner in OF_LINEAR_BODIES:
+        if inner in (Status.NOT_HELD, Status.OPEN) and solved.loose:
+            return Verdict(inner, "nothing presses on the body, and the supports do not hold it")
+        if inner is Status.NOT_HELD and not solved.linear.task.idle:
+            return Verdict(inner)
+        # What no load pushes may still be held by tractions of the step before.
+        if inner in (Status.NOT_HELD, *OF_LINEAR_BODIES):
             if not leads(self.body, self.body.at.x.array.copy()):
                 return Verdict(Status.NOT_SOLVED)
             without = f"the tangent does not hold it: {inner.value}"
