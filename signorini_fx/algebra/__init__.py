@@ -1,7 +1,7 @@
 """The method: contact problems given by matrices, and the algorithms that solve them.
 
 Contact laws at points, the regularised problem and its active sets, outer algorithms, and linear
-algebra.  This layer sees matrices and values at contact points.  It must not know forms, meshes,
+algebra.  This layer works with matrices and values at contact points only, without forms, meshes,
 materials or scenes.
 """
 
@@ -14,18 +14,18 @@ from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 
 def step_limit(max_iterations: int) -> int:
-    """Linear solves that all attempts at a load step together may take.
+    """Return the number of linear solves that all attempts at one load step may take together.
 
     Args:
-        max_iterations: those for one problem.
+        max_iterations: linear solves allowed for one problem.
     """
     return PROBLEMS_PER_STEP * max_iterations
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Algorithms, their parameters and limits; ``statement.settings.SolverSettings`` explains
-    them.
+    """Algorithms, their parameters and limits; see ``statement.settings.SolverSettings`` for their
+    meaning.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm"] = "auto"
@@ -43,7 +43,7 @@ class Settings:
 
     @classmethod
     def of(cls, source: object) -> Settings:
-        """Copy the settings from an object that has the same attributes and more."""
+        """Copy the settings from an object that has attributes of the same names."""
         return cls(**{field.name: getattr(source, field.name) for field in fields(cls)})
 
     def limited(self, name: Literal["max_iterations", "max_outer_iterations"]) -> bool:

@@ -1,15 +1,19 @@
-"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method, for any friction law;
-and its update: the next shifts, whether they have settled, and the next gamma.
+"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method, for any friction law.
+
+``Augmentation`` updates the shifts lambda_hat and mu_hat, decides whether they have converged, and
+chooses the next gamma.
 
 For fixed sets an update reduces an error e of the multipliers to r e, with r = k / (k + gamma) and
-k the stiffness at the contact nodes.  The limit is the same for every gamma, but with a small one
-an iterate changes little although it is far from the limit, and the two multipliers have a gamma
-each.  So a small change alone does not mean convergence: the remaining error is the change times r
-/ (1 - r), with the observed r or that of the largest k, whichever is smaller; and the displacement
-has to satisfy the conditions of the limit itself: a fixed point may contract more slowly than r,
-and the shear of one node may still turn to its slip when no norm shows it.  If a multiplier
-converges slowly its gamma is increased, up to ten times k.  A given gamma so large that its
-round-off would hide the limit is reduced.
+k the stiffness at the contact nodes.  The limit is the same for every gamma, but with a small gamma
+an iterate changes little although it is far from the limit, and the two multipliers have different
+gammas.  So a small change alone does not mean convergence.  Two criteria are used.  First, the
+remaining error is estimated as the change times r / (1 - r), with the observed r or that of the
+largest k, whichever is smaller.  Second, the displacement itself must satisfy the contact
+conditions of the limit: a fixed point may contract more slowly than r, and the shear at one node
+may still turn towards its slip without effect on any norm.
+
+If a multiplier converges slowly its gamma is increased, up to ten times k.  A given gamma so large
+that its round-off would hide the limit is reduced.
 """
 
 from __future__ import annotations
@@ -33,18 +37,20 @@ class Augmentation:
     """An augmented Lagrangian iteration on the problems that an inner method solves.
 
     Attributes:
-        natural: a gamma with which few updates suffice on cells that are not divided many times,
+        newton: the inner method.
+        natural: a gamma with which few updates suffice on cells that are not refined many times,
             stress per length.
-        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their
-            own norms, and for penetration and elastic slip, relative to the displacements; of each
-            group of points.
-        changes: the last changes of pressure and shear that the body feels, in the norm, shape
-            (groups,); nan: not known.
-        slow: which of the two were slow at the last update.
+        tolerance: for the errors of lambda and mu in the norm of L2(Gamma_c), relative to their own
+            norms, and for penetration and elastic slip, relative to the displacements; applied to
+            each group of points.
+        changes: the last changes of pressure and of shear in the L2 norm, shape (groups,) each; nan
+            before the first update.
+        slow: whether pressure and shear converged slowly at the last update.
         left: remaining relative error of the multipliers.
-        violation: largest remaining penetration and elastic slip, relative to the displacements of
-            the contact nodes, and slip against the shear or across it: the smaller of the slip,
-            relative to these, and of the part of the shear that does not point along it, relative
+        violation: largest violation of the contact conditions, dimensionless: penetration and
+            elastic slip relative to the displacements of the contact nodes, and misalignment of
+            slip and shear. The misalignment is the smaller of the slip, relative to the
+            displacements, and of the part of the shear that does not point along the slip, relative
             to the largest stress.
     """
 
@@ -65,11 +71,15 @@ class Augmentation:
 
     @property
     def settled(self) -> bool:
-        """Whether both multipliers are those of the limit, to the tolerance."""
+        """Whether both multipliers have converged to the tolerance."""
         return max(self.left, self.violation) <= self.tolerance
 
     def measure(self, data: RegularisedData) -> float:
-        """Evaluate the problem just solved, and the shifts that it began with; collective.
+        """Evaluate the solved problem: update ``changes``, ``slow``, ``left`` and ``violation``.
+        Collective.
+
+        Args:
+            data: the problem just solved, with the shifts that it started from.
 
         Returns:
             Relative change of the multipliers, the largest of all groups of points.
@@ -142,8 +152,10 @@ class Augmentation:
         return float(quotient(total, size, otherwise=total).max())
 
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
-        """Return the next problem: the multipliers as shifts; gamma times ``factor`` or, if
-        convergence is slow, increased.
+        """Return the next problem, with the multipliers as shifts.
+
+        Each gamma is increased if its multiplier converges slowly, and multiplied by ``factor`` as
+        long as it stays below ``GAMMA_GROWTH`` times the natural one; it never decreases.
         """
         pressure, shear = self.newton.shifts(data)
         enough = GAMMA_GROWTH * float(self._stiffness.max())
@@ -172,12 +184,19 @@ def augmented_lagrangian(
     inner_iterations: int | None = None,
     gamma_factor: float = 1.0,
 ) -> Status:
-    """Iterate lambda_hat <- lambda, mu_hat <- mu until both have settled, each problem from the
-    variables of the previous one (section 7.1).
+    """Iterate lambda_hat <- lambda, mu_hat <- mu until both have converged.
 
-    ``inner_iterations``: linear solves allowed for one problem (inexact ALM), None: until its sets
-        repeat.
-    ``gamma_factor``: growth of both gammas from one problem to the next.
+    Each problem starts from the variables of the previous one (section 7.1).
+
+    Args:
+        augmentation: the update, which also holds the inner method.
+        data: the first problem.
+        first_sets: active sets of the first linear solve; None: from the iterate.
+        max_outer: problems allowed.
+        first_iteration: number of the first linear solve.
+        inner_iterations: linear solves allowed for one problem (inexact ALM); None: until its sets
+            repeat.
+        gamma_factor: growth of both gammas from one problem to the next.
     """
     newton = augmentation.newton
     for step in range(max_outer):
@@ -206,6 +225,8 @@ def augmented_lagrangian(
 
 
 def _change(augmentation: Augmentation, data: RegularisedData, *, first: bool) -> float | None:
-    """Return how much lambda and mu differ from the previous ones, relative to their own norms."""
+    """Update the augmentation and return the relative change of lambda and mu; None for the first
+    problem, which has no predecessor.
+    """
     change = augmentation.measure(data)
     return None if first else change

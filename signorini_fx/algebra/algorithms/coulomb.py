@@ -1,5 +1,5 @@
-"""Coulomb friction: the start, the monolithic method, what statics proves, and augmentation as a
-fall-back.
+"""Coulomb friction: start values, the monolithic method, proofs by statics that no solution exists,
+and augmentation as a fall-back.
 """
 
 from __future__ import annotations
@@ -26,18 +26,19 @@ if TYPE_CHECKING:
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
-    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts
-    from stick.
+    """Return the problem that starts Coulomb friction (section 7): pure contact without friction, g
+    = 0.
 
-    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance
-    around a pin: then only where it touches at its reference motion.
+    A body that cannot be held without friction starts from stick instead.  Its nodes stick
+    everywhere, unless stick would hold it without any contact, as a ring with clearance around a
+    pin: then only the nodes that touch at the reference motion stick.
     """
     motions = task.motions
     everywhere = task.motions.points.everywhere
 
     def possible(stick: Flags) -> bool:
-        """Return whether contact can hold the body and balance its load if these nodes stick, and
-        no other ones rub.
+        """Return whether contact can hold the body and balance its load if only these nodes have
+        friction, and they stick.
         """
         held = motions.held_by(everywhere, stick)
         law = as_given(np.where(stick, np.inf, 0.0))
@@ -57,12 +58,14 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
 
 
 def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:
-    """Return an outcome of Coulomb friction: that a body moves away with the bound of one Tresca
-    problem proves nothing else.
+    """Return the outcome of a Coulomb problem after a method has ended with ``status``.
 
-    The bound of such a problem is that of the previous pressure.  If the law itself allows for an
-    equilibrium, as it always does where the pressure is statically indeterminate, the fixed-point
-    iteration has failed, and another method may find it.
+    If a body moves away under the friction bound of one Tresca problem, this proves nothing about
+    the Coulomb law, as that bound comes from the previous pressure.  If statics shows that the law
+    itself allows no equilibrium, that is the outcome.  Otherwise, as always where the pressure is
+    statically indeterminate, only the fixed-point iteration has failed, and another method may find
+    a solution: then the status is SLIDES_AT_PRESSURES, or OUTER_MAX_ITERATIONS if friction at the
+    last bound could carry the loads.
     """
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
@@ -104,9 +107,11 @@ def coulomb_newton(
     *,
     augmented: bool,
 ) -> Status:
-    """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an
-    unsymmetric solver, from its iterate (the pure contact problem), or in one for each update; not
-    in the paper.
+    """Solve the Coulomb problem by semi-smooth Newton iterations with the friction bound coupled to
+    the pressure, which makes the tangent unsymmetric; not in the paper.
+
+    Without augmentation this is one iteration from the present iterate (the pure contact problem);
+    ``augmented`` runs one for each update of the augmented Lagrangian method.
 
     The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y), F lambda(y)) with lambda(y) of (3.3b)
     is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1 at slip nodes in
@@ -127,9 +132,10 @@ def coulomb_newton(
 
 
 def _slipping(newton: SemismoothNewton) -> ActiveSets:
-    """Return the sets of a cycle, in which the points that change begin in slip: where friction is
-    large a point that closes enters the foundation if it is open, is pulled if it sticks, and slips
-    in the solution.
+    """Return the sets of a cycle with all points that change set to contact and slip.
+
+    Where friction is large, a point of the cycle penetrates if it is open and is pulled if it
+    sticks; in the solution it slips.
     """
     problem = newton.problem
     sets, following = problem.sets, problem.next.sets
@@ -143,11 +149,17 @@ def _slipping(newton: SemismoothNewton) -> ActiveSets:
 
 
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
-    """Return the last fall-back for Coulomb friction, which leaves no regularisation error, nor the
-    elastic slip of earlier load steps; it begins with the multipliers of the load step before, or
-    with the start of Coulomb friction.
+    """Solve the Coulomb problem by the augmented Lagrangian method, the last fall-back.
 
-    ``begun``: the outcome with the problem of the method that has failed.
+    It leaves no regularisation error and removes the elastic slip of earlier load steps.  It starts
+    from the multipliers of the previous load step if there are any, otherwise from
+    ``coulomb_start``.
+
+    Args:
+        task: the contact problem.
+        start: the initial state of the load step.
+        law: the friction law.
+        begun: the outcome with the problem of the method that has failed.
     """
     newton = task.newton
     multipliers = start.multipliers
@@ -174,14 +186,12 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
 
 
 def augmentation_on(task: Task, newton: SemismoothNewton) -> Augmentation:
-    """Return the update of augmented Lagrangian methods on the problems of an inner method of the
-    task.
-    """
+    """Return the augmented Lagrangian update for the problems of an inner method of the task."""
     from signorini_fx.algebra.algorithms.alm import Augmentation
 
     return Augmentation(newton, automatic_gamma(task), task.settings.tolerance)
 
 
 def automatic_gamma(task: Task) -> float:
-    """Return the gamma of a scene that gives none."""
+    """Return the default gamma, used where the scene gives none, stress per length."""
     return AUTOMATIC_GAMMA * task.natural_gamma

@@ -34,18 +34,23 @@ def fixed_point(
     augmentation: Augmentation | None = None,
 ) -> Status:
     """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until
-    mu has settled too.
+    mu has converged too.
 
-    The norm of section 7 is a mean over the contact boundary.  A single point whose weight is small
-    hardly contributes to it, so the friction bound must be that of the law at each of them as well.
-    Each group of points has norms of its own, so that no body stops the iteration of another one.
+    The norm of section 7 is a mean over the contact boundary, to which a single point of small
+    weight hardly contributes.  So the friction bound must agree with the law at each point as well.
+    Each group of points has its own norms, so that a body with large tractions does not hide the
+    error of another one.
 
-    ``start``: (lambda, mu), section 7: of the pure contact problem, g = 0; ``first_sets``: of the
-    first linear solve,
-    None: from the iterate that ``newton`` holds; ``tolerance``: for d_g = |g^m - g^(m-1)| / |g^m|
-    in the norm of L2(Gamma_c), section 7; ``max_outer``: Tresca problems allowed; ``augmentation``:
-    also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
-    unregularised solution.
+    Args:
+        newton: the inner method.
+        data: the regularised problem.
+        law: the friction law.
+        start: (lambda, mu) of the pure contact problem, g = 0 (section 7).
+        first_sets: active sets of the first linear solve; None: from the iterate of ``newton``.
+        tolerance: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of L2(Gamma_c) (section 7).
+        max_outer: Tresca problems allowed.
+        augmentation: also iterates lambda_hat <- lambda and mu_hat <- mu, which is Algorithm
+            (ALM-FP): its limit is the unregularised solution; None: (FP).
     """
     g = start[0]
     norms = newton.problem.groups.norms
@@ -89,14 +94,17 @@ def fixed_point(
 def _change(
     newton: SemismoothNewton, data: RegularisedData, g: Array, augmentation: Augmentation | None
 ) -> float:
-    """Return the largest d_g of a group of points; with shifts the larger change of the two."""
+    """Return the largest d_g of all groups of points; with augmentation, at least the change of the
+    multipliers.
+    """
     change = float(_changes(newton, g).max())
     return change if augmentation is None else max(change, augmentation.measure(data))
 
 
 def _changes(newton: SemismoothNewton, g: Array) -> Array:
-    """d_g of section 7 of each group of points: the new g is the pressure for the old one;
-    collective.
+    """Return d_g of section 7 for each group of points, shape (groups,); collective.
+
+    The new g is the pressure that was found with the old ``g``.
     """
     following, shear = newton.multipliers()
     problem = newton.problem
@@ -110,8 +118,8 @@ def _changes(newton: SemismoothNewton, g: Array) -> Array:
 
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:
-    """Largest difference of the friction bound from that of the law at the pressure found,
-    relative; collective.
+    """Return the largest difference between the friction bound used and that of the law at the
+    pressure found, relative to the largest traction of its group; collective.
     """
     pressure, shear = newton.multipliers()
     points = newton.problem.points

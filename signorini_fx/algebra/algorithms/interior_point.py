@@ -9,19 +9,19 @@ of lambda and mu,
     |mu| <= F g,    r >= 0.
 
 Newton's method solves these equations with both products equal to t > 0, which is reduced from step
-to step, and stays inside the bounds.  Eliminated point by point, a step is one factorisation of A +
-B^T D B with D > 0 and two solves, whatever is in contact: Mehrotra's predictor aims at t = 0, and
-his corrector at the t that the predictor shows to be in reach, with the products of the predictor's
-changes.  No sets are chosen, so that none can cycle, and a body held by contact alone is held in
-every step.
+to step, and stays inside the bounds.  After elimination point by point, a step is one factorisation
+of A + B^T D B with D > 0 and two solves, whatever is in contact: Mehrotra's predictor aims at t =
+0, and his corrector at the t that the predictor shows to be in reach, with the products of the
+predictor's changes.  No sets are chosen, so that none can cycle, and a body held by contact alone
+is held in every step.
 
-It begins on a soft foundation.  On one of stiffness gamma a slender body that is lifted would pull
-with all of gamma, and the products would be those of this pull.
+The iteration starts on a soft foundation.  On a foundation of stiffness gamma a slender body that
+is lifted would be pulled with all of gamma, and the products would be dominated by this pull.
 
-Two things are made of it.  As a fall-back it goes on until the products are round-off, and full
-steps with the sets of its end remove what is left.  Where full steps change few sets at a time, as
-where a slender body peels off, it goes on only until it knows the sets, which the quotients of two
-of its iterates tell (Tapia): these tend to 0 and 1.
+The method has two uses.  As a fall-back it continues until the products are round-off, and full
+Newton steps with its final sets remove the remaining error.  Where full steps change few sets at a
+time, as where a slender body peels off, it continues only until the sets are identified by the
+quotients of two successive iterates, which tend to 0 and 1 (Tapia indicators).
 
 Source: Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Wright, Primal-Dual Interior-Point Methods
 (1997), chapters 6, 8 and 10; the quotients: El-Bakry, Tapia and Zhang, SIAM Review 36 (1994) 45-72;
@@ -63,8 +63,8 @@ Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
 
 
 def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
-    """Return the sets of the derivative of (3.3b) and (3.4) at the iterate itself: the primal form,
-    for a given bound only.
+    """Return the sets of the derivative of (3.3b) and (3.4) at the iterate itself, in the primal
+    form, for a given bound only.
     """
     u_n, u_t = newton.problem.system.contact.traces(newton.x)
     return next_sets(u_n, u_t, 0.0 * u_t, trial_shear(u_t, data), data)
@@ -73,10 +73,14 @@ def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
 def interior_point(
     newton: Newton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
 ) -> Status:
-    """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose
-    tangent is symmetric; collective.
+    """Solve one problem with a given friction bound and a symmetric tangent; collective.
 
-    ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate.
+    Args:
+        newton: the inner method, at any iterate.
+        data: the problem.
+        failed: the status with which ``newton`` has failed; it is returned, with the old iterate,
+            if this method fails too.
+        measure: returns the value of the stopping criterion of the outer algorithm.
     """
     start = newton.checkpoint()
     before = newton.history.linear_solves
@@ -106,9 +110,12 @@ def interior_point(
 
 
 def proposed_sets(newton: Newton) -> ActiveSets | None:
-    """Return the sets that a few steps from a soft foundation find after a full step of a problem
-    with a given friction bound, which hold the body; None if a linear solve fails; the iterate of
-    ``newton`` stays; collective.
+    """Return active sets that hold the body, found by a few interior-point steps from a soft
+    foundation.
+
+    For a problem with a given friction bound, after a full step.  Contact everywhere is proposed if
+    the sets found would not hold the body; None is returned if a linear solve fails.  The iterate
+    of ``newton`` is kept.  Collective.
     """
     problem = newton.problem
     begun = newton.x.copy()
@@ -128,8 +135,13 @@ def proposed_sets(newton: Newton) -> ActiveSets | None:
 
 @dataclass(frozen=True)
 class _Inside:
-    """A point inside the bounds, or a step of it: lambda, s and r, shape (n,), and mu, shape (n, d
-    - 1).
+    """A point inside the bounds, or a step between two such points.
+
+    Attributes:
+        pressure: lambda, shape (n,).
+        opening: s, length, shape (n,).
+        shear: mu, shape (n, d - 1).
+        rate: r, slip per shear, shape (n,).
     """
 
     pressure: Array
@@ -138,7 +150,7 @@ class _Inside:
     rate: Array
 
     def moved(self, step: _Inside, share: float) -> _Inside:
-        """Return the point after a share of a step."""
+        """Return the point after ``share`` times a step."""
         return _Inside(
             *(
                 old + share * new
@@ -148,11 +160,7 @@ class _Inside:
 
 
 class _Programme:
-    """The interior-point method for one problem, at the iterate of ``newton``.
-
-    Attributes:
-        exact: whether linear solves are.
-    """
+    """The interior-point method for one problem, at the iterate of ``newton``."""
 
     def __init__(self, newton: Newton, data: RegularisedData, *, exact: bool) -> None:
         self._newton = newton
@@ -173,11 +181,13 @@ class _Programme:
         self._steps = 0
 
     def _number(self, where: Flags) -> float:
-        """Return how many points of all ranks; collective."""
+        """Return the number of points of all ranks where the flag is set; collective."""
         return parallel.total(self._comm, where)
 
     def solve(self) -> Status:
-        """Reduce the products until full steps can end the iteration."""
+        """Reduce the products until full Newton steps can finish the solve, and return the
+        status.
+        """
         newton = self._newton
         problem = self._problem
         at = self._on_a_soft_foundation()
@@ -203,7 +213,9 @@ class _Programme:
         return Status.MAX_ITERATIONS
 
     def sets(self) -> ActiveSets | None:
-        """Reduce the products until the sets settle, or None if a solve fails."""
+        """Reduce the products until the sets are identified, and return these; None if a solve
+        fails.
+        """
         newton = self._newton
         at = self._on_a_soft_foundation()
         first = 0.0 if at is None else self._product(at)
@@ -226,7 +238,7 @@ class _Programme:
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
     def _indicated(self, begin: _Inside, end: _Inside) -> tuple[Flags, Flags]:
-        """Return the points in contact and those that slip, by the quotients of two iterates."""
+        """Return which points are in contact and which slip, by the quotients of two iterates."""
         one = self._one_sided
         rubs = self._rubs
         presses = quotient(end.pressure, begin.pressure, one, otherwise=1.0)
@@ -236,8 +248,8 @@ class _Programme:
         return presses > opens, rubs & (slides > remains)
 
     def _on_a_soft_foundation(self) -> _Inside | None:
-        """Return the iterate of a body whose points are all tied to a soft foundation, with
-        products that are all the same.
+        """Solve with all points tied to a soft foundation, and return a point inside the bounds
+        with equal products; None if the solve fails.
         """
         data = self._data
         size = self._points.dimension - 1
@@ -273,23 +285,24 @@ class _Programme:
         )
 
     def _room(self, shear: Array) -> Array:
-        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere not zero;
-        shape (n,).
+        """Return (F^2 g^2 - |mu|^2) / 2, but at least its round-off, shape (n,).
+
+        The value has no meaning, but is not zero, where there is no finite positive bound.
         """
         bound = np.where(self._rubs, self._bound, 1.0)
         size = np.where(self._rubs, length(shear), 0.0)
         return np.maximum((bound - size) * (bound + size) / 2, np.finfo(np.float64).eps * bound**2)
 
     def _product(self, at: _Inside) -> float:
-        """Return the sum of the products; collective."""
+        """Return the sum of all products lambda s and r (F^2 g^2 - |mu|^2) / 2; collective."""
         products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(
             at.shear
         )
         return parallel.total(self._comm, products)
 
     def _advanced(self, at: _Inside) -> tuple[_Inside, float] | None:
-        """Return the point after a predictor and a corrector, and the share of it; None if a solve
-        fails; collective.
+        """Take a predictor and a corrector step, and return the new point and the share of the
+        corrector that was taken; None if a solve fails.  Collective.
         """
         x = self._newton.x
         room = self._room(at.shear)
@@ -317,8 +330,14 @@ class _Programme:
     def _direction(
         self, at: _Inside, normal_target: Array, disc_target: Array, blocks: Array
     ) -> _Inside | None:
-        """Return the whole step to two products, to its end the iterate goes; None if the solve
-        fails; collective.
+        """Return the full step towards given products, and move the iterate to its end; None if the
+        solve fails.  Collective.
+
+        Args:
+            at: the present point.
+            normal_target: products lambda s wanted, corrected by second-order terms, shape (n,).
+            disc_target: products of the friction disc wanted, likewise, shape (n,).
+            blocks: D, see ``_blocks``.
         """
         data = self._data
         one = self._one_sided
@@ -350,8 +369,8 @@ class _Programme:
         return _Inside(pressure, opens - at.opening, shear, slides - at.rate)
 
     def _blocks(self, at: _Inside, room: Array) -> Array:
-        """D, the derivative of (lambda, mu) by the displacement, stress per length, shape (n, d,
-        d).
+        """Return D, the derivative of (lambda, mu) with respect to the displacement, stress per
+        length, shape (n, d, d).
         """
         data = self._data
         size = self._points.dimension - 1
@@ -383,8 +402,14 @@ class _Programme:
         return -parallel.global_max(self._comm, -float(np.min(shares, initial=np.inf)))
 
     def _moves(self, pressure: Array, shear: Array, blocks: Array, closed: int) -> bool:
-        """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one;
-        collective.
+        """Solve (A + B^T D B) z = b - A x - B^T W (lambda, mu), add z to the iterate, and return
+        whether the solve succeeded.  Collective.
+
+        Args:
+            pressure: lambda, shape (n,).
+            shear: mu, shape (n, d - 1).
+            blocks: D, shape (n, d, d).
+            closed: number of points in contact on this rank, for the history.
         """
         newton = self._newton
         problem = self._problem

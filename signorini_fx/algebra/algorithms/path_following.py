@@ -2,18 +2,18 @@
 accuracy.
 
 For fixed sets the solution of (3.3) is a rational function of gamma.  Its first two derivatives
-along gamma cost a back substitution each, with the factor of the last linear solve:
+with respect to gamma cost a back substitution each, with the factor of the last linear solve:
 
     J y' = -C (y - d),   J y'' = -2 C y',   J = A + gamma C,
 
 with C the contact blocks of the sets at gamma = 1.  A function with one pole, y(gamma) = y_inf - c
-/ (E + gamma), is fitted to them; it gives both the distance of y from the unregularised solution,
-|y_inf - y| = (E + gamma) |y'|, and the gamma at which that distance will have the required value.
-There are no parameters to tune: the start is determined by the body, the goal by the scene.
+/ (E + gamma), is fitted to them.  It gives both the distance of y from the unregularised solution,
+|y_inf - y| = (E + gamma) |y'|, and the gamma at which that distance has the required value. There
+are no parameters to tune: the start is determined by the body, the goal by the scene.
 
-The model knows these sets only.  Where contact of another boundary moves a node that sticks, the
-slip does not decrease along the path; the shear grows with gamma, and at some gamma the node slips.
-If that moves the body farther than the model does, the path goes on.
+The model is valid for the present sets only.  Where contact on another boundary moves a sticking
+node, its slip does not decrease along the path: the shear grows with gamma until the node slips. If
+that moves the body farther than the model predicts, the path continues.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class PathModel:
     """The local model of the path gamma -> y(gamma) at gamma_1 = gamma.
 
     Attributes:
-        reach: E + gamma > 0 with the pole E.
+        reach: E + gamma > 0 with the pole at -E, stress per length.
         distance: energy norm of y_inf - y(gamma).
         pressure_distance: norm of lambda_inf - lambda(gamma) in L2(Gamma_c).
         left_slip: energy norm of the slip that y_inf still has at stick nodes, which the law
@@ -53,9 +53,7 @@ class PathModel:
 
 
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
-    """Fit the model at the solution that ``newton`` holds; one or two back substitutions,
-    collective.
-    """
+    """Fit the model at the solution of ``newton`` by one or two back substitutions; collective."""
     problem = newton.problem
     points = problem.points
     system = problem.system
@@ -70,7 +68,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         blocks[data.share != 1.0, :, 0] = 0.0
 
     def contact_force(vector: PETSc.Vec, gap: Array, origin: Array) -> PETSc.Vec:
-        """C (vector - (gap, origin)), with gamma_1 taken out."""
+        """Return C (vector - (gap, origin)), the contact force per gamma_1."""
         force = vector.duplicate()
         force.set(0.0)
         u_n, u_t = system.contact.traces(vector)
@@ -106,9 +104,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
 
 
 def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
-    """Return the unknowns under another force, with the matrix of the last linear solve;
-    collective.
-    """
+    """Solve for another force with the matrix of the last linear solve; collective."""
     ksp = newton.snes.getKSP()
     x = newton.x.duplicate()
     # A Krylov method ends by the size of the forces of the problem; this right-hand side has
@@ -130,9 +126,21 @@ def path_following(
     largest: float,
     max_outer: int,
 ) -> tuple[Status, RegularisedData, float]:
-    """Increase gamma, with gamma_2 / gamma_1 kept, until the regularisation error is at most
-    ``goal`` in the energy norm, evaluated at each solution, or gamma_1 is ``largest``, above which
-    round-off dominates; how it ended, the last problem, and the remaining error.
+    """Increase gamma until the regularisation error in the energy norm is at most ``goal``.
+
+    The ratio gamma_2 / gamma_1 is kept.
+
+    Args:
+        newton: the inner method.
+        data: the first problem.
+        first_sets: active sets of the first linear solve; None: from the iterate.
+        first_iteration: number of the first linear solve.
+        goal: returns the allowed error; evaluated at each solution.
+        largest: largest gamma_1, above which round-off dominates; the path ends there.
+        max_outer: problems allowed.
+
+    Returns:
+        The status, the last problem, and the remaining error.
     """
     error = np.inf
     for _ in range(max_outer):

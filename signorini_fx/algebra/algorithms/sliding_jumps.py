@@ -1,9 +1,8 @@
-"""Whether a load step with friction that falls as its slip grows has one solution.
+"""Check of uniqueness for a load step in which friction decreases with the speed of slip.
 
-For fixed sets and pressures let S be the stiffness of the points that slide, and C the fall of
-their friction by the speed, the diagonal of w lambda |F'|.  The slip of a step of duration dt has
-one solution if S - C / dt is positive definite, which means dt above the largest eigenvalue of
-S^-1 C.
+For fixed sets and pressures let S be the stiffness at the sliding points, and C the decrease of
+their friction with the speed, the diagonal of w lambda |F'|.  The slip of a step of duration dt is
+unique if S - C / dt is positive definite, that is, if dt exceeds the largest eigenvalue of S^-1 C.
 """
 
 from __future__ import annotations
@@ -26,9 +25,15 @@ from signorini_fx.tuned import NO_FORCE, SLOW_STEPS, SLOWEST_STEPS, WRONG_SLOPE
 
 
 def unless_sliding_jumps(newton: SemismoothNewton, outcome: Outcome, law: PointFriction) -> Outcome:
-    """Return the outcome of a load step, or that its sliding jumps; collective.
+    """Return the outcome of a load step, with status JUMPS if the step is too short for a unique
+    slip.
 
-    ``newton``: a method with a symmetric tangent on the same problem.
+    A warning is added to the history if only lower speeds may jump.  Collective.
+
+    Args:
+        newton: a method with a symmetric tangent on the same problem.
+        outcome: how the load step has ended.
+        law: the friction law.
     """
     converged = outcome.status is Status.CONVERGED
     if outcome.status not in (Status.CONVERGED, Status.CYCLING, Status.MAX_ITERATIONS):
@@ -50,17 +55,17 @@ def unless_sliding_jumps(newton: SemismoothNewton, outcome: Outcome, law: PointF
 def least_durations(
     newton: SemismoothNewton, law: PointFriction, *, sliding: bool
 ) -> tuple[float, float]:
-    """Return what a load step must last more than so that the slip of its points has one solution
-    near their speeds, and one at all lower speeds, too.
+    """Return the durations above which the slip in a load step is unique: near the present speeds,
+    and at all lower speeds too.
 
     Args:
-        newton: at the iterate of the load step.
-        law: its friction.
-        sliding: whether the points that slide now are known; else all in contact count, at speeds
-            of all sizes.
+        newton: the inner method at the iterate of the load step.
+        law: the friction law.
+        sliding: whether the present sliding points are used; False: all points in contact that
+            carry shear, at speeds of all sizes.
 
     Returns:
-        Times; 0: any; infinite: no duration would do.
+        Two times; 0: any duration is long enough; infinite: none is.
     """
     problem = newton.problem
     data = problem.data
@@ -94,12 +99,15 @@ def least_durations(
 def _largest_eigenvalue(
     newton: SemismoothNewton, blocks: Array, direction: Array, falls: Array, dt: float
 ) -> float:
-    """Return the largest eigenvalue of S^-1 C by powers of it; infinite where S is singular.
+    """Return the largest eigenvalue of S^-1 C by power iteration, time.
+
+    The result is infinite if S is singular or not positive, or if the eigenvalue is far above
+    ``dt``.
 
     Args:
-        newton: whose matrix has the tangent of contact.
-        blocks: D of S, stress per length, shape (n, d, d).
-        direction: of slip, shape (n, d - 1).
+        newton: the inner method whose matrix and linear solver are used.
+        blocks: contact tangent D in S, stress per length, shape (n, d, d).
+        direction: unit direction of slip, shape (n, d - 1).
         falls: lambda |F'| of C, stress times time per length, shape (n,).
         dt: duration of the load step.
     """

@@ -1,9 +1,10 @@
-"""Newton's method for bonds that soften: tangents and secants blended, with a line search.
+"""Newton's method for softening bonds: a blend of tangent and secant, with a line search.
 
-Where bonds soften plain tangents cycle.  A blend theta T + (1 - theta) S of the tangent T of the
-bonds and of their secant S has the largest share theta that leaves the matrix definite, apart from
-the coupling of Coulomb friction; where it cannot grow, a secant step lowers the energy.  Line
-searches end where a step no longer goes far beyond balance along its way.
+Where bonds soften, Newton's method with plain tangents cycles.  The matrix uses theta T + (1 -
+theta) S of the tangent T of the bonds and of their secant S, with the largest tried theta for which
+the matrix is definite, apart from the coupling of Coulomb friction.  With theta = 0 a secant step
+lowers the energy.  The line search halves a step until it no longer goes far beyond the zero of the
+residual along its direction.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ _PATIENCE = 4  # steps in which round-off may leave the residual as it is
 
 
 class Descent:
-    """Solves the problems with bonds of an inner method, on its iterate; methods are collective."""
+    """Solves the problems with bonds of an inner method and updates its iterate; methods are
+    collective.
+    """
 
     def __init__(self, newton: Newton) -> None:
         problem = newton.problem
@@ -43,7 +46,12 @@ class Descent:
             problem.system.configure(self._ksp, symmetric=False)
 
     def descend(self, limit: int, first: int) -> Status:
-        """Iterate by at most so many linear solves, of which the first has this number."""
+        """Iterate until the residual is small.
+
+        Args:
+            limit: linear solves allowed.
+            first: number of the first linear solve in the history.
+        """
         newton = self._newton
         problem = newton.problem
         x = newton.x
@@ -98,14 +106,19 @@ class Descent:
 
     @staticmethod
     def _stagnates(left: list[float]) -> bool:
-        """Return whether residuals are so small that round-off alone is left."""
+        """Return whether the residuals are small and no longer decrease, so that only round-off is
+        left.
+        """
         last = left[-_PATIENCE:]
         small = max(last) <= CERTIFICATE_TOLERANCE
         return small and len(left) > _PATIENCE and last[-1] > WHOLE_SLOPE * last[0]
 
     def _assemble(self, shares: Sequence[float]) -> None:
-        """Make the matrix that of the iterate, with the first of some descending shares of the
-        tangent that leaves it definite, or the last one.
+        """Assemble the Jacobian at the iterate with the first of the ``shares`` for which it is
+        definite.
+
+        ``shares`` are values of theta in descending order; the last one is used if none is
+        definite.
         """
         problem = self._newton.problem
         data = problem.data
@@ -131,7 +144,7 @@ class Descent:
         problem.insert(self._jacobian, contact + blocks + coupling)
 
     def _definite(self, blocks: Array) -> bool:
-        """Return whether the matrix with such blocks is definite."""
+        """Return whether the elastic matrix with these blocks at the contact points is definite."""
         problem = self._newton.problem
         matrix = self._symmetric
         problem.tangent.insert(matrix, blocks)

@@ -59,23 +59,26 @@ Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData]  # (x, sets, data) of
 class SemismoothNewton:
     """Solves contact problems on one elastic system; the solver objects are set up once and kept.
 
-    A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step
-    3) and the residual is small.  Because an iterate depends on its sets alone, sets that occurred
-    before mean a cycle. In 3D, where the problem is not affine for given sets, directions of slip
-    still change while the sets stay: there the friction law must hold as well, and sets that
-    occurred before mean a cycle if its residual is what it was, or has so often changed without
-    being halved. PETSc options with the prefix
-    ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
-
-    ``x``: the iterate, which two methods may share; ``symmetric``: whether the Jacobian is; it is
-    not if the friction bound depends on the pressure.
+    A full Newton step with fixed sets is step 4 of the algorithm; the iteration stops when the sets
+    repeat (step 3) and the residual is small.  Because an iterate depends on its sets alone, sets
+    that occurred before mean a cycle.  In 3D the problem is not affine for given sets: directions
+    of slip still change while the sets stay.  There the friction law must hold as well, and sets
+    that occurred before mean a cycle only if the residual of the law is unchanged, or if it has not
+    been halved after several returns.  PETSc options with the prefix ``sfx_`` apply to the SNES,
+    KSP and PC; otherwise the defaults are used.
 
     Attributes:
-        linear: whether there is no contact point on any rank, so that one linear solve is all there
-            is to do.
-        lost: whether the interior-point method has failed for one of the problems of the load step,
-            which most likely has no solution, such as one of a fixed-point iteration beyond a limit
-            load: it is not tried for the others.
+        problem: the regularised problem.
+        history: the record of all solves.
+        x: the iterate, which two methods may share.
+        start_time: clock time at which the method was created, s.
+        max_iterations: largest number of linear solves for one problem.
+        fails_in_step: whether a Krylov method has failed in this load step, so that matrices are
+            factorised.
+        linear: whether there is no contact point on any rank, so that one linear solve suffices.
+        lost: whether the interior-point method has failed for a problem of this load step.  Such a
+            problem most likely has no solution, as in a fixed-point iteration beyond a limit load,
+            so the method is not tried again in the step.
     """
 
     def __init__(
@@ -104,7 +107,7 @@ class SemismoothNewton:
 
     @cached_property
     def snes(self) -> PETSc.SNES:
-        """Set up when it is first needed; collective."""
+        """The SNES, set up when it is first needed; collective."""
         symmetric = self._symmetric
         snes = PETSc.SNES().create(self.problem.points.comm)
         snes.setOptionsPrefix(petsc_options.PREFIX)
@@ -128,7 +131,7 @@ class SemismoothNewton:
 
     @cached_property
     def _descent(self) -> Descent:
-        """What solves problems with bonds."""
+        """The method that solves problems with bonds."""
         from signorini_fx.algebra.algorithms.softening import Descent
 
         return Descent(self)
@@ -137,7 +140,9 @@ class SemismoothNewton:
     def _assemble_jacobian(
         self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat
     ) -> None:
-        """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
+        """Assemble the Jacobian at ``x``, and decide whether the factor of an earlier one
+        is kept.
+        """
         problem = self.problem
         self._assembled = True
         problem.assemble_jacobian(snes, x, jacobian)
@@ -165,9 +170,17 @@ class SemismoothNewton:
     ) -> Status:
         """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``.
 
-        ``first_sets``: of the first linear solve, None: from the previous iterate and its sets.
-        ``first_iteration``: its number, 0 if it only computes the start (section 7).
-        ``measure``: gives the figure of the stopping criterion of the outer algorithm.
+        If the sets cycle or the iteration is too long, the interior-point method is tried as a
+        fall-back where the friction bound is given.
+
+        Args:
+            data: the regularised problem.
+            first_sets: active sets of the first linear solve; None: from the iterate and its sets.
+            first_iteration: number of the first linear solve; 0 if it only computes the start
+                (section 7).
+            max_iterations: linear solves allowed, without fall-backs; None: those of the settings.
+            measure: returns the value of the stopping criterion of the outer algorithm, for the
+                history.
         """
         solves_before = self.history.linear_solves
         status = self.attempt(
@@ -197,7 +210,14 @@ class SemismoothNewton:
         solves_before: int,
         measure: Callable[[], float | None] = lambda: None,
     ) -> None:
-        """Record the end of a problem that began after ``solves_before`` linear solves."""
+        """Add the record of a solved problem to the history.
+
+        Args:
+            data: the problem.
+            status: how it has ended.
+            solves_before: number of linear solves before it.
+            measure: returns the value of the stopping criterion of the outer algorithm.
+        """
         history = self.history
         solves = history.linear_solves - solves_before
         history.add(
@@ -214,7 +234,7 @@ class SemismoothNewton:
         first_iteration: int = 1,
         max_iterations: int | None = None,
     ) -> Status:
-        """Return the iteration itself, without fall-backs and without an outer record."""
+        """Run the iteration without fall-backs and without an outer record; see ``solve``."""
         # Bonds hold what contact need not, and their sets follow from the iterate.
         self.problem.set_data(data, None if data.bond is not None else first_sets)
         self._first_iteration = first_iteration
@@ -248,11 +268,12 @@ class SemismoothNewton:
         return Status.CYCLING if self._returns and status is Status.SINGULAR else status
 
     def outcome_of(self, error: Exception) -> Status:
-        """Return how a solve ends where a factorisation package raises an error, as some do where
-        others set a reason.
+        """Return the status for an error that a factorisation package has raised.
+
+        Some packages raise an error where others only set a reason.
 
         Raises:
-            Exception: the error, on several ranks: not all of them may have it.
+            Exception: the error, on several ranks, as not all of them may have it.
             OptionsError: options of the user may have caused it.
         """
         if (
@@ -271,7 +292,7 @@ class SemismoothNewton:
         return Status.SINGULAR
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate, again where ``_improved``."""
+        """Run SNES, and again as long as ``_improved`` changes something after a failure."""
         usual = self.snes.getKSP()
         first = self._first_iteration
         if self.fails_in_step:
@@ -297,8 +318,11 @@ class SemismoothNewton:
         return status
 
     def _improved(self, status: Status) -> bool:
-        """Return whether sets, linear solves or the iterate may be why it failed, and the next are
-        better; collective.
+        """Return whether something was changed with which SNES may succeed after a failure;
+        collective.
+
+        It proposes other sets, resets the iterate to zero, requires exact linear solves, or
+        factorises the matrix.
         """
         if self._slow:
             self._propose()
@@ -326,8 +350,8 @@ class SemismoothNewton:
         return True
 
     def _propose(self) -> None:
-        """Make proposed sets those of the next full step, or the next ones if there are none;
-        collective.
+        """Set the sets of the next full step to those that the interior-point method proposes;
+        without a proposal, to the next sets of the iteration.  Collective.
         """
         from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 
@@ -344,7 +368,9 @@ class SemismoothNewton:
         self.history.add(f"sets: damped change of the active sets ({asked} extra solves)")
 
     def _factorise(self) -> bool:
-        """Return whether a direct solver takes the place of a Krylov method; collective."""
+        """Replace a Krylov method by a direct solver; return whether this was possible.
+        Collective.
+        """
         if self._factor is not None:
             return False
         ksp = PETSc.KSP().create(self.problem.points.comm)
@@ -366,14 +392,14 @@ class SemismoothNewton:
         return self.x.copy(), self.problem.sets, self.problem.data
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Go back to an iterate, its sets and its problem."""
+        """Restore an iterate, its sets and its problem from a checkpoint."""
         x, sets, data = checkpoint
         self.problem.set_data(data)
         self.problem.sets = sets
         x.copy(self.x)
 
     def begin_at(self, x: PETSc.Vec) -> None:
-        """Copy an iterate; the sets stay."""
+        """Copy an iterate into ``x``; the sets stay."""
         self.x.getArray()[:] = x.getArray(readonly=True)
 
     def pose(self, data: RegularisedData, sets: ActiveSets) -> None:
@@ -382,17 +408,17 @@ class SemismoothNewton:
         self.problem.sets = self.problem.next.sets
 
     def multipliers(self) -> tuple[Array, Array]:
-        """(lambda, mu) of the last iterate."""
+        """Return (lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)
 
     def shifts(self, data: RegularisedData) -> tuple[Array, Array]:
-        """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
+        """Return (lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where a point slips but cannot move in some tangential direction, because of supports or of
-        another
-        contact of its node, the shear along that would reach its limit, that of the direction of
-        slip, the more slowly the smaller the slip, so it is set to it; likewise where supports
-        prescribe a slip and the shear is below its bound.
+        A point may slip but be unable to move in some tangential direction, because of supports or
+        of another contact of its node.  The shear along that direction would tend to its limit,
+        that of the direction of slip, the more slowly the smaller the slip, so it is set to the
+        limit at once.  The same is done where supports prescribe a slip and the shear is below its
+        bound.
         """
         problem = self.problem
         points = self.problem.points
@@ -411,8 +437,8 @@ class SemismoothNewton:
         return pressure, shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
-        """Return the first sets for ``data`` when the variables (y, lambda, xi, mu) of the last
-        problem are its start.
+        """Return the first sets for ``data`` when it starts from the variables (y, lambda, xi, mu)
+        of the last problem.
         """
         problem = self.problem
         u_n, u_t = problem.system.contact.traces(self.x)
@@ -421,7 +447,9 @@ class SemismoothNewton:
 
     @called_back
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
-        """Step 3, after linear solve k (k = 0: before the first)."""
+        """Return the SNES reason after linear solve ``k`` (step 3 of the algorithm; k = 0: before
+        the first).
+        """
         problem = self.problem
         active, plus, minus, changed, fingerprint = self.counts(*problem.friction_bounds(self.x))
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
@@ -493,8 +521,8 @@ class SemismoothNewton:
         return int(_SNES.CONVERGED_ITERATING)
 
     def _is_slow(self, k: int) -> bool:
-        """Return whether so few sets change after linear solve k that full steps would take many
-        more.
+        """Return whether, after linear solve ``k``, so few sets change per solve that full steps
+        would take many more.
         """
         changes = [changed for changed, _ in self._changes[-6:]]
         if k < SLOW_STEPS or min(changes[-3:]) == 0:
@@ -505,7 +533,12 @@ class SemismoothNewton:
         return (enough and 0 < abs(lost) * SLOWEST_STEPS <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
-        """Return whether sets that repeat are those of a solution."""
+        """Return whether sets that repeat are those of a solution.
+
+        Args:
+            residual: of the equations with the next sets, relative.
+            law: residual of the friction law, relative.
+        """
         # The residual is that of the next sets.  Where directions change, that with the present
         # ones counts.
         tolerance = self.snes.getTolerances()[0]
@@ -514,7 +547,9 @@ class SemismoothNewton:
         return self.problem.accept(self.x, self.problem.sets, tolerance)
 
     def _reason(self) -> Status:
-        """Why SNES ended, if it was not ended by the convergence test."""
+        """Return the status for the reason that SNES gives, if the convergence test has not stopped
+        it.
+        """
         reason = self.snes.getConvergedReason()
         if reason > 0:
             return Status.CONVERGED
@@ -546,9 +581,13 @@ class SemismoothNewton:
         *,
         factorised: bool,
     ) -> None:
-        """Record a linear solve.
+        """Add the record of a linear solve to the history.
 
-        ``counts``: nodes in contact, slipping either way, and that change.
+        Args:
+            iteration: its number in the problem.
+            counts: numbers of nodes in contact, slipping either way, and changing their set.
+            residual: of the next sets, relative.
+            factorised: whether the matrix was factorised for it.
         """
         history = self.history
         seconds = time.perf_counter() - self.start_time
@@ -556,8 +595,8 @@ class SemismoothNewton:
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
     def counts(self, bound: Array, next_bound: Array) -> list[int]:
-        """Return nodes in contact and slipping either way, nodes that change, and what tells the
-        next sets from others.
+        """Return the numbers of nodes in contact, slipping forwards, slipping backwards and
+        changing their set, and a hash of the next sets; all summed over the ranks.
         """
         # Points that can transmit no shear count as sticking.
         sets = self.problem.sets.sticking(~(bound > 0))

@@ -1,11 +1,10 @@
-"""Which algorithms a scene runs, in which order: the only module that knows all of them.
+"""The choice of algorithms for a scene and their order; the only module that imports all of them.
 
-Two independent choices make a method.  ``algorithm`` says how the regularisation is treated:
-``ssn`` (gamma fixed), ``continuation``, ``path-following``, ``alm``.  ``coulomb`` says how the
-friction bound is coupled to the
-pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the
-paper is ssn with fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at
-the end of the previous one.
+Two independent choices make a method.  ``algorithm`` states how the regularisation is treated:
+``ssn`` (gamma fixed), ``continuation``, ``path-following`` or ``alm``.  ``coulomb`` states how the
+friction bound is coupled to the pressure: ``fp`` (fixed-point iteration of Tresca problems) or
+``newton`` (monolithic).  (FP) of the paper is ssn with fp, (ALM-FP) is alm with fp.  Every load
+step uses the same method, starting from the state at the end of the previous one.
 """
 
 from __future__ import annotations
@@ -62,7 +61,10 @@ _EXPLAINED = (
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
     """Solve a load step; the iterate stays in ``task.newton``.
 
-    ``solve_budget``: linear solves allowed, None: those of ``step_limit``.
+    Args:
+        task: the contact problem.
+        start: the initial state of the load step.
+        solve_budget: linear solves allowed; None: ``step_limit`` of the settings.
     """
     task.begin_step(start)
     if task.newton.linear:
@@ -122,8 +124,16 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
 def _left_loose(
     task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool
 ) -> Outcome:
-    """Return the solution nearest to the last one, ``begin``, where bodies lie loose, or the
-    outcome that has failed.
+    """Return the solution nearest to the iterate ``begin`` where bodies lie loose; if there is
+    none, the outcome ``failed``.
+
+    Args:
+        task: the contact problem.
+        start: the initial state of the load step.
+        begin: the iterate at the start of the load step.
+        failed: the outcome of the methods tried so far.
+        waits: whether a body without load may stay where it is for a later step; if not, a solution
+            in which nothing presses on a loose body has the status NOT_HELD.
     """
     newton = task.newton
     ended = newton.checkpoint()
@@ -144,8 +154,8 @@ def _left_loose(
 
 
 def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
-    """Return the solution nearest to the iterate of the task, without tractions where bodies lie
-    loose; None: none found.
+    """Return the solution nearest to the iterate of the task, without tractions on loose bodies;
+    None if none is found.
     """
     # Their loads balance each other, and contact need not press on them: they are in equilibrium
     # without any traction in many places, so that no method finds one.  Springs at the contact
@@ -216,7 +226,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
 
 
 def _solve(task: Task, start: Start) -> Outcome:
-    """Return the method of the scene, with its fall-backs."""
+    """Solve by the method of the scene, with its fall-backs, and return the outcome."""
     augments = task.settings.algorithm == "alm"
     if augments:
         slip_origin = start.data.slip_origin - start.elastic_slip
@@ -233,7 +243,7 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
-    """Return whether the body stays where it is; collective."""
+    """Return whether nothing acts on the body, so that it stays where it is; collective."""
     # If nothing holds it, it does so in one of several load steps alone: a problem without any load
     # is not determined.
     data = start.data
@@ -252,8 +262,11 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 
 def _first_loaded(task: Task, start: Start) -> Start:
-    """Return the start of a load step: contact everywhere for bodies that contact alone holds, and
-    does not press on, where loads push them now.
+    """Return the start of a load step, with contact everywhere where a body is loaded for the first
+    time.
+
+    This is so if the previous step ended without any traction, and bodies that only contact can
+    hold are loaded now.
     """
     # No contact would hold them with the active sets, nor friction with the bound, that they have
     # without a load.
@@ -268,15 +281,23 @@ def _first_loaded(task: Task, start: Start) -> Start:
 
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
-    """Return the outcome of a problem without contact, hence without tractions, at the iterate."""
+    """Return an outcome without contact, hence without tractions, at the present iterate."""
     newton = task.newton
     newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
     return Outcome(status, newton, data, augmented=task.settings.algorithm == "alm")
 
 
 def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
-    """Return the solution without contact where an iteration has come to it, and round-off decides
-    which points touch.
+    """Return the solution without contact if a failed iteration has converged to it.
+
+    This occurs if round-off decides which points touch.  Returns None if the solution without
+    contact is another one, or if friction, bilateral contact or free motions exclude it.
+
+    Args:
+        task: the contact problem.
+        failed: the outcome of the iteration.
+        law: the friction law.
+        moved: largest displacement at the start of the step, the scale of round-off.
     """
     newton = failed.newton
     points = task.motions.points
@@ -313,8 +334,8 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
 
 
 def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
-    """Frictionless or Tresca contact, or the one that starts Coulomb friction, by the algorithm of
-    the scene.
+    """Solve frictionless or Tresca contact, or the problem that starts Coulomb friction, by the
+    algorithm of the scene.
     """
     s = task.settings
     newton = task.newton
@@ -368,8 +389,8 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
 
 
 def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
-    """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure
-    contact problem.
+    """Solve with Coulomb friction, starting from a coarser mesh or an earlier load step if
+    possible, otherwise from the pure contact problem.
     """
     s = task.settings
     newton = task.newton
@@ -432,8 +453,17 @@ def _either_way(
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """Fixed point or monolithic Newton, if it fails the other one, then augmentation; all from
-    ``begun``.
+    """Solve by the fixed point or by monolithic Newton, then by the other one if that fails, then
+    by augmentation; each starts from ``begun``.
+
+    Args:
+        task: the contact problem.
+        start: the initial state of the load step.
+        law: the friction law.
+        begun: the outcome of the start, with its problem.
+        fixed: runs the fixed-point iteration.
+        monolithic: runs the monolithic method.
+        monolithic_first: whether the monolithic method is tried first.
     """
     s = task.settings
     newton = begun.newton

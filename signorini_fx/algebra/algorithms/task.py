@@ -1,6 +1,4 @@
-"""A contact problem ready to be solved: its inputs, where a load step starts, the iterates, and how
-it ended.
-"""
+"""The inputs of a contact problem, the initial state of a load step, and the outcome of a solve."""
 
 from __future__ import annotations
 
@@ -31,19 +29,19 @@ class Start:
     """The initial state of a load step for its algorithm.
 
     Attributes:
-        data: the regularised problem with the gamma to begin with.
+        data: the regularised problem with the gamma to start with.
         law: the friction law; None without friction.
         elastic_slip: the part of the slip so far that is due to the regularisation, length, shape
             (n, d - 1).
         sets: active sets of the first linear solve; None: from the iterate.
         iteration: number of the first linear solve.
         multipliers: (lambda, mu) to start from, if there are any.
-        step: how many load steps have been solved before.
-        place: where the load step is on the way through all of them, for its owner.
+        step: number of load steps solved before.
+        place: position of the load step on the load path; the algorithms do not use it.
         factors: of the load cases; None: the load stays as it is set.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
-        several: whether it is one of several: a body that nothing loads in it then waits where it
-            is for its load.
+        several: whether the path has several load steps; then a body without load stays where it is
+            until it is loaded.
     """
 
     data: RegularisedData
@@ -67,13 +65,17 @@ class Start:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a load step ended, or one of the methods that were tried on it: the inner method whose
-    iterate is the result, and the problem with the final gamma. ``augmented``: by augmentation, so
-    that there is no regularisation error, nor elastic slip.
+    """The outcome of a load step, or of one of the methods that were tried on it.
 
     Attributes:
-        regularisation_error: the estimate of path-following, in the energy norm, None where it did
-            not run.
+        status: how the method has ended.
+        newton: the inner method, whose iterate is the result.
+        data: the problem with the final gamma.
+        monolithic: whether the monolithic method for Coulomb friction was used.
+        augmented: whether the result is by augmentation, so that there is neither a regularisation
+            error nor elastic slip.
+        regularisation_error: the estimate of path-following, in the energy norm; None if it did not
+            run.
     """
 
     status: Status
@@ -85,12 +87,12 @@ class Outcome:
 
     @property
     def problem(self) -> RegularisedProblem:
-        """The problem of the result."""
+        """The regularised problem of the result."""
         return self.newton.problem
 
     def displacement(self) -> PETSc.Vec:
-        """Return all displacement dofs of the result, counted from the reference motion of the
-        body.
+        """Return all displacement dofs of the result, relative to the reference motion of
+        the body.
         """
         return self.problem.system.displacement(self.newton.x)
 
@@ -100,15 +102,19 @@ class Task:
     """The inputs of a contact problem.
 
     Attributes:
-        start: where the first load step starts.
+        settings: algorithms and limits.
+        system: the elastic system.
+        motions: free rigid motions of the bodies.
+        start: initial state of the first load step.
         has_coulomb: whether the friction bound depends on the pressure anywhere.
-        natural_gamma: E over the size of the body, the natural unit of gamma.
-        linear_algebra: which kind of elastic system it is, and why; for its owner.
-        goal: the regularisation error allowed for path-following, in the energy norm, evaluated at
-            an iterate.
+        natural_gamma: E over the size of the body, the natural unit of gamma, stress per length.
+        history: the record of all solves.
+        linear_algebra: description of the chosen linear solver and the reason; only shown.
+        goal: returns the regularisation error allowed for path-following at an iterate, in the
+            energy norm.
         rest: the reference motion from which displacements are counted; None: from the initial
             position.
-        coordinate_error: what gaps are uncertain by, the round-off of coordinates, length.
+        coordinate_error: uncertainty of gaps due to round-off of coordinates, length.
     """
 
     settings: Settings
@@ -136,13 +142,18 @@ class Task:
         bilateral: Flags | None = None,
         **options: Any,
     ) -> Task:
-        """Return a problem that starts with contact and stick everywhere, from its reference
-        motion; collective.
+        """Return a problem that starts with contact and stick everywhere, at its reference motion;
+        collective.
 
-        ``gap``: d, length, shape (n,).
-        ``law``: of friction, None: there is none.
-        ``bilateral``: points whose contact cannot open, shape (n,), None: there are none; the
-            others, see ``Task``.
+        Args:
+            system: the elastic system.
+            motions: free rigid motions of the bodies.
+            gap: d, length, shape (n,).
+            law: the friction law; None: without friction.
+            settings: algorithms and limits.
+            natural_gamma: see ``Task``.
+            bilateral: points whose contact cannot open, shape (n,); None: there are none.
+            options: further attributes of ``Task``.
         """
         points = motions.points
         sides = np.zeros(gap.size, dtype=bool) if bilateral is None else bilateral
@@ -171,14 +182,14 @@ class Task:
 
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:
-        """Return Newton's method with an unsymmetric tangent on the same iterate."""
+        """Newton's method with an unsymmetric tangent on the same iterate."""
         return SemismoothNewton(
             self.newton.problem, self.newton.x, self.settings, self.history, symmetric=False
         )
 
     @property
     def idle(self) -> list[int]:
-        """The numbers of the assemblies that can move, and whose loads balance each other."""
+        """Numbers of the assemblies of bodies that can move freely and have no resultant load."""
         return [
             number
             for number, columns in self.motions.assemblies
@@ -186,16 +197,16 @@ class Task:
         ]
 
     def counted_from(self, rest: ReferenceMotion) -> Task:
-        """Return the same with displacements that are counted from another place."""
+        """Return the task with displacements counted from another reference motion."""
         return self._with("rest", rest)
 
     def held_by(self, bonded: Flags) -> Task:
-        """Return the same without free motions where bonded points hold all bodies; collective."""
+        """Return the task without free motions if the bonded points hold all bodies; collective."""
         motions = self.motions
         return self._with("motions", motions.none) if motions.held_by(bonded, bonded) else self
 
     def _with(self, name: str, value: Any) -> Task:
-        """Return the same with another attribute, and the same iterate."""
+        """Return a copy with another value of one attribute, and the same iterate."""
         _ = self.newton, self.unsymmetric_newton  # which both have
         other = copy(self)
         object.__setattr__(other, name, value)
@@ -212,8 +223,9 @@ class Task:
         self.newton.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
-        """Return the contact points of this rank in a result, with displacements from the initial
-        position; slip is counted from ``start``.
+        """Return the state of the contact points of this rank in a result.
+
+        Displacements are from the initial position; slip is counted from ``start``.
         """
         law = start.law
         problem = outcome.problem
@@ -257,9 +269,10 @@ class Task:
         )
 
     def promised(self, outcome: Outcome) -> tuple[float, float, float]:
-        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite:
-        without regularisation; and the largest gamma that its tractions were computed with, 0:
-        none.
+        """Return (gamma_1, gamma_2) of the contact law that a result satisfies, and the largest
+        gamma with which its tractions were computed.
+
+        Both gammas are infinite without regularisation; the last value is 0 without contact points.
         """
         if outcome.newton.linear:
             return np.inf, np.inf, 0.0
