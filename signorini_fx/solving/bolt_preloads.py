@@ -1,10 +1,10 @@
-"""Sections across bolts that are shortened, by a given length or until a force goes through them.
+"""Sections across bolts that are shortened, by a given length or until a given force acts in them.
 
-What is beyond a section jumps against what is before it, see ``loads.initial_strains``.  In a load
-step in which forces tighten sections the shortenings are found at which these forces go through
-them: the forces N(s) grow with the shortenings s, and are linear in them while no contact point
-changes its state.  The contact problem is solved for one s after the other by the method of C. G.
-Broyden, Math. Comp. 19 (1965) 577-593; for one section it is that of secants.
+The displacement jumps across a section, see ``loads.initial_strains``.  In a load step in which
+forces tighten sections, the shortenings s are sought at which the forces N(s) have the given
+values.  The forces grow with the shortenings, and are linear in them while no contact point changes
+its state.  The contact problem is solved for a sequence of s by the method of C. G. Broyden, Math.
+Comp. 19 (1965) 577-593; for one section it is the secant method.
 """
 
 from __future__ import annotations
@@ -31,11 +31,17 @@ _MOST_PROBLEMS = 30
 def solve_tightened(
     model: Model, task: Task, start: Start, max_iterations: int | None
 ) -> tuple[Model, Start, Outcome, Finding | None]:
-    """Return the last contact problem of a load step in which forces tighten sections; collective.
+    """Solve a load step in which forces tighten sections; collective.
+
+    Args:
+        model: the body.
+        task: the contact problem.
+        start: the initial state of the load step.
+        max_iterations: linear solves allowed for one contact problem; None: those of the settings.
 
     Returns:
-        The model with the shortenings, where the problem starts, how it ended, and why there is no
-        solution, if known.
+        The model with the shortenings, the initial state and the outcome of the last contact
+        problem, and why there is no solution, if known.
     """
     place = start.place
     newton = task.newton
@@ -101,7 +107,9 @@ def solve_tightened(
 
 
 def _tightened(model: Model, step: float) -> dict[int, Preload]:
-    """Return the loads that are sections which forces tighten at a place, by their numbers."""
+    """Return the preloads that are tightened by forces at a position on the path, by their numbers
+    in ``model.applied``.
+    """
     return {
         k: load.entry
         for k, load in enumerate(model.applied)
@@ -110,7 +118,7 @@ def _tightened(model: Model, step: float) -> dict[int, Preload]:
 
 
 def shortenings(model: Model, step: float) -> list[float]:
-    """Return the shortenings that forces have led to at a place, in the order of ``_tightened``,
+    """Return the shortenings of the sections that forces tighten, in the order of ``_tightened``,
     length.
     """
     entries = _tightened(model, step).values()
@@ -118,7 +126,9 @@ def shortenings(model: Model, step: float) -> list[float]:
 
 
 def with_shortenings(model: Model, step: float, lengths: Sequence[float] | Array) -> Model:
-    """Return the model with shortenings that were found at a place; nothing is assembled again."""
+    """Return the model with the shortenings that were found at a position on the path; nothing is
+    assembled again.
+    """
     found = dict(model.statement.found)
     for entry, length in zip(_tightened(model, step).values(), lengths, strict=True):
         found[id(entry)] = {**found.get(id(entry), {}), step: float(length)}
@@ -126,8 +136,8 @@ def with_shortenings(model: Model, step: float, lengths: Sequence[float] | Array
 
 
 def tightened(posed: Posed, start: Start, found: Array) -> tuple[Posed, Start]:
-    """Return a load step with the shortenings that its forces have led to, as ``found_in`` gives
-    them.
+    """Return a load step with the shortenings found for its forces; ``found`` is as in
+    ``found_in``.
     """
     body = posed.body
     place = start.place
@@ -140,14 +150,16 @@ def tightened(posed: Posed, start: Start, found: Array) -> tuple[Posed, Start]:
 
 
 def found_in(model: Model, step: float) -> Array:
-    """Return by how much forces have shortened each of their sections up to a place, length; nan:
-    by nothing.
+    """Return the shortening of each section with a given force up to a position on the path,
+    length; nan where it has not been tightened.
     """
     return np.array([entry.found_at(model.statement, step) for entry in _by_force(model)])
 
 
 def with_found(model: Model, step: float, lengths: Array) -> Model:
-    """Return the model whose forces have led to these shortenings before a step, nan: to none."""
+    """Return the model with the shortenings found before a step, length; nan where there
+    are none.
+    """
     found = {}
     for entry, length in zip(_by_force(model), lengths, strict=False):
         known = model.statement.found.get(id(entry), {})

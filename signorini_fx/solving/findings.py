@@ -1,4 +1,4 @@
-"""Findings about a scene, and about results: what may go wrong, or is odd, and what to do about it.
+"""Findings about a scene and its results: what may be wrong or unexpected, and what to do about it.
 
 At the end are the refusals that follow from several entries; ``prepare`` refuses single entries and
 meshes.
@@ -58,8 +58,12 @@ if TYPE_CHECKING:
 
 
 def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
-    """Findings about the scene and its mesh, and the equilibrium of its loads up to a place on
-    its path; collective, the same on every rank.
+    """Yield findings about the scene, its mesh, and the equilibrium of its loads; collective, the
+    same on every rank.
+
+    Args:
+        body: the model of the scene.
+        reached: the last position on the load path at which equilibrium is checked.
     """
     statement = body.statement
     data = body.data
@@ -91,13 +95,13 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
 
 
 def _moves(statement: Statement) -> bool:
-    """Return whether bodies may move, so that statics has nothing to say."""
+    """Return whether bodies may move, so that static equilibrium is not required."""
     return any(effect.moves_bodies for effect in stated_effects(statement))
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
-    """Findings about a scene with nonlinear materials and its mesh, as of its body at small
-    strains; collective.
+    """Yield findings about a scene with nonlinear materials and its mesh, from its linearisation at
+    small strains; collective.
     """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
@@ -125,7 +129,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
 
 
 def _falling(contacts: Sequence[Contact]) -> Iterator[Finding]:
-    """Yield a finding for each contact whose friction falls with the speed of slip."""
+    """Yield a finding for each contact whose friction decreases with the speed of slip."""
     for number, contact in enumerate(contacts):
         fall = getattr(contact.friction, "steepest_fall", 0.0)
         if fall > 0:
@@ -154,8 +158,8 @@ def _locking(body: Model, *, reduced: bool) -> Iterator[Finding]:
 
 
 def _idle(body: Model) -> Iterator[Finding]:
-    """Loads and resistances that are expressions of the position and vanish wherever they may
-    act.
+    """Yield a finding for each load or resistance whose expression vanishes on its whole
+    boundary.
     """
     for path, effect in body.statement.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
@@ -178,7 +182,7 @@ def _idle(body: Model) -> Iterator[Finding]:
 
 
 def _pieces(body: Model) -> Iterator[Finding]:
-    """A body in several pieces: each of them must be held."""
+    """Yield a note if the mesh has several pieces, as each must be held."""
     pieces = body.motions.pieces
     if pieces.count == 1:
         return
@@ -198,8 +202,8 @@ def _pieces(body: Model) -> Iterator[Finding]:
 
 
 def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]:
-    """Gaps that are negative, or wider than ``reach``, by which displacements and loads may move
-    the body, length.
+    """Yield findings about negative gaps, and about gaps wider than ``reach``, the largest distance
+    by which displacements and loads may move the body, length.
     """
     boundary = body.boundary
     assert boundary is not None
@@ -225,8 +229,8 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]
 
 
 def _inwards(body: Model) -> Iterator[Finding]:
-    """Directions that lead into the body, and planes that face away from it: signs that are the
-    wrong way round.
+    """Yield findings about directions that point into the body, and foundations that face away from
+    it.
     """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
@@ -261,7 +265,9 @@ def _inwards(body: Model) -> Iterator[Finding]:
 
 
 def _coarse_surfaces(body: Model) -> Iterator[Finding]:
-    """Surfaces of files whose flat facets are wider than those of the body."""
+    """Yield a note for each surface from a file whose flat facets are wider than those of
+    the body.
+    """
     for foundation in hard_foundations(body.contacts, body.kinematics):
         width, off = getattr(foundation.shape, "facets", (0.0, 0.0))
         where = body.contacts[foundation.contact].boundary
@@ -279,7 +285,9 @@ def _coarse_surfaces(body: Model) -> Iterator[Finding]:
 
 
 def _corners(body: Model) -> Iterator[Finding]:
-    """Corners of foundations that point at a facet of the body, which no node may feel."""
+    """Yield a note for each foundation with corners that point at a facet of the body between
+    nodes, which may not detect them.
+    """
     for foundation in hard_foundations(body.contacts, body.kinematics):
         if (facing := facing_corners(foundation, body.space)) is not None:
             points, facet = facing
@@ -296,8 +304,8 @@ def _corners(body: Model) -> Iterator[Finding]:
 
 
 def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
-    """Loads that are too large for linear elasticity, or hardly felt: two units are usually
-    inconsistent.
+    """Yield findings about loads that are too large for linear elasticity or negligible, usually
+    due to inconsistent units.
     """
     path = f"material, {body.forces_at}, displacement"
     low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))
@@ -325,7 +333,7 @@ def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
 
 def _largest_loads(body: Model) -> tuple[float, float]:
     """Return the largest displacement that a load step prescribes, length, and the largest sum of
-    its nodal loads.
+    the magnitudes of its nodal loads, force.
     """
     prescribed = force = 0.0
     for step in range(len(body.path.times)):
@@ -337,7 +345,9 @@ def _largest_loads(body: Model) -> tuple[float, float]:
 
 
 def _loads_at(body: Model, step: int) -> tuple[Array, Array]:
-    """Prescribed displacements and nodal loads of a load step, of the owned nodes, shape (n, d)."""
+    """Return prescribed displacements and nodal loads of a load step at the owned nodes, shape (n,
+    d) each.
+    """
     loads = body.loads_at(step, pushing=True)
     dim = body.space.dofmap.bs
     start = loads.prescribed[: loads.forces.size]
@@ -348,8 +358,10 @@ def _loads_at(body: Model, step: int) -> tuple[Array, Array]:
 
 
 def closed_at_once(body: Model) -> Iterator[Finding]:
-    """Contacts with friction that follows the pressure, and with points at different distances,
-    that one load step presses together: what moves before it touches counts as slip; collective.
+    """Yield a warning for each contact with pressure-dependent friction whose points close one
+    after the other within one load step; collective.
+
+    All motion of a point before it touches then counts as slip.
     """
     boundary = body.boundary
     data = body.data
@@ -379,10 +391,13 @@ def closed_at_once(body: Model) -> Iterator[Finding]:
 
 
 def _largest_increment(body: Model, normal: Array, motions: list[float]) -> float:
-    """Return by how much a load step presses a contact at most, as a share of the largest load.
+    """Return the largest increment by which a load step presses a contact, as a share of the
+    largest load.
 
-    ``normal``: the direction on this rank, of any length.
-    ``motions``: what prescribed displacements and forces move the body by, lengths.
+    Args:
+        body: the model.
+        normal: direction of pressing, summed over the points of this rank, of any length.
+        motions: estimated displacements due to prescribed displacements and to forces, lengths.
     """
     pressing = [0.0]
     total_normal = parallel.global_sum(body.comm, normal)
@@ -403,8 +418,8 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
 
 
 def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
-    """Contacts whose pressure acts along another direction than the normal of the body where it is
-    nearest to the foundation.
+    """Yield a warning for each contact whose pressure acts in another direction than the normal of
+    the body where the gap is smallest.
     """
     mesh = body.tagged.mesh
     boundary = body.boundary
@@ -443,8 +458,8 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
 
 
 def equilibrium(body: Model, places: Sequence[float]) -> Iterator[Finding]:
-    """Whether contact can resist motions that supports leave free, and balance the loads at places
-    on the path, assembly by assembly.
+    """Yield findings, one for each assembly, on whether contact resists the motions that supports
+    leave free, and balances the loads at ``places`` on the load path.
     """
     motions = body.motions
     boundary = body.boundary
@@ -464,9 +479,13 @@ def equilibrium(body: Model, places: Sequence[float]) -> Iterator[Finding]:
 def _equilibrium_of(
     body: Model, number: int, contact: Reactions | None, loads: list[Array]
 ) -> Finding:
-    """Return whether one assembly is in equilibrium.
+    """Return the finding on the equilibrium of one assembly.
 
-    ``loads``: the work of each load step on its free motions.
+    Args:
+        body: the model.
+        number: number of the assembly.
+        contact: reactions of its contact nodes; None: there are none.
+        loads: work of each load on the free motions of the assembly.
     """
     motions = body.motions
     free = motions.of_all[:, motions.assembly == number]
@@ -521,17 +540,23 @@ def _equilibrium_of(
 
 
 def may_jump(history: History) -> list[Finding]:
-    """Return a warning where a load step with friction that falls may have several solutions."""
+    """Return a warning for each recorded load step with decreasing friction that may have several
+    solutions.
+    """
     events = [event for event in history.events if event.startswith(MAY_JUMP)]
     return [Finding("warning", "load_steps.times", event) for event in events]
 
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:
-    """Return a finding for each contact with nodes that supports hold inside the foundation, from
-    the load step where one lies deepest; collective. Such nodes transmit nothing, see
+    """Return a finding for each contact with nodes that supports hold inside the foundation;
+    collective.
+
+    It describes the load step in which a node lies deepest.  Such nodes transmit no force, see
     ``trial_pressure``.
 
-    ``size``: of the body, length.
+    Args:
+        steps: contact states of the load steps.
+        size: of the body, length.
     """
     deepest: dict[int, tuple[float, str]] = {}
     for contact in steps:
@@ -554,9 +579,12 @@ def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Find
 
 
 def _message(rows: Array, depth: float, size: float) -> str:
-    """Return the message for the nodes of one contact.
+    """Return the message about the nodes of one contact that supports hold inside the foundation.
 
-    ``rows``: depths, whether contact cannot open, and places, shape (n, 2 + d).
+    Args:
+        rows: depth, whether contact cannot open, and position of each node, shape (n, 2 + d).
+        depth: the largest depth, length.
+        size: of the body, length.
     """
     # The first of those that are as deep, whatever the number of ranks.
     most = rows[rows[:, 0] >= depth - SAME_LENGTH * size]
@@ -571,10 +599,11 @@ def _message(rows: Array, depth: float, size: float) -> str:
 
 
 def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Finding]:
-    """Yield a finding for each contact of two bodies whose pressure is that of distances between
-    facets of their curved sides; collective.
+    """Yield a warning for each contact of two bodies whose pressure is disturbed by the flat facets
+    of their curved sides; collective.
 
-    A change of the distance over the length of a facet times the modulus is a pressure.
+    The disturbance is estimated as the modulus times the change of the gap within a facet over the
+    length of the facet.
     """
     from signorini_fx.results.accuracy.pressure_error import chords
 
@@ -615,8 +644,10 @@ def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Find
 def shapes_in_results(
     foundations: Iterable[PlacedShape], displacement: fem.Function
 ) -> Iterator[Finding]:
-    """Foundations between the nodes of a result, or in parts of the body that are in no contact,
-    but for those to whose distance an expression is added; collective.
+    """Yield a warning for each foundation that lies inside the deformed body between nodes or
+    beside the contact boundary; collective.
+
+    Rigid bodies that move, and foundations with a gap given by an expression, are left out.
     """
     cells = None
     for name, _, shape, added in foundations:
@@ -637,9 +668,11 @@ def shapes_in_results(
 def result_findings(
     deformations: Sequence[Deformation], unjudged: Sequence[str]
 ) -> Iterator[Finding]:
-    """Findings about a result.
+    """Yield findings about bodies with negligible forces and about large deformations.
 
-    ``unjudged``: names of bodies whose forces are round-off of those of others.
+    Args:
+        deformations: of the load steps.
+        unjudged: names of bodies whose forces are below the round-off of those of others.
     """
     if unjudged:
         message = (
@@ -668,9 +701,11 @@ def result_findings(
 def errors_of_steps(
     comm: MPI.Comm, statement: Statement, path: LoadPath, steps: Sequence[StepResult]
 ) -> Iterator[Finding]:
-    """An error in time that is larger than asked for; or, where none is, load steps whose error is
-    not small by itself: that close or open contact of a body with memory, or turn a shape with
-    friction far; collective.
+    """Yield findings about errors in time; collective.
+
+    With a required accuracy: a warning if the estimated error is larger.  Without one: notes about
+    load steps whose error need not be small, as they close or open contact of a body with memory,
+    or turn a foundation with friction by a large angle.
     """
     if path.time_accuracy is not None:
         error = steps[-1].figures.get("time_error", 0.0)
@@ -722,8 +757,8 @@ def errors_of_steps(
 
 
 def _turned(contact: Contact, number: int, step: StepResult | None) -> Array:
-    """Return the rotation of a foundation at the end of a load step, radians, shape (1,) or
-    (3,).
+    """Return the rotation of a foundation at the end of a load step, radians, shape (1,) in 2D or
+    (3,) in 3D.
     """
     angle = np.atleast_1d(np.radians(contact.foundation.angles()))
     motions = () if step is None else step.rigid_bodies
@@ -732,8 +767,10 @@ def _turned(contact: Contact, number: int, step: StepResult | None) -> Array:
 
 
 def slid_at_corners(contact: ContactState | None) -> Iterator[Finding]:
-    """Corners of foundations under which a linear body has moved along its facets, collective: the
-    point that they press on stays.
+    """Yield a warning if a linear body has moved along a corner of its foundation by a notable part
+    of a facet; collective.
+
+    The corner keeps pressing on the same point of a linear body.
     """
     if contact is None or (corners := contact.boundary.corners) is None:
         return
@@ -749,8 +786,8 @@ def slid_at_corners(contact: ContactState | None) -> Iterator[Finding]:
 
 
 def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
-    """A finding where contact touches nothing in any load step, and there are no time steps between
-    them in which it may; collective.
+    """Yield a warning if nothing is in contact in any load step, unless there are time steps
+    between them in which contact may have occurred; collective.
     """
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     if any(len(step.between) > 1 for step in steps):
@@ -767,8 +804,15 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
 
 
 def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str) -> Finding | None:
-    """Return which bodies move away under the loads at a place on the path, or lie loose because
-    nothing presses on them, named by ``when``; None if it is not known.
+    """Return a finding that names the bodies that move away under the loads, or lie loose because
+    nothing presses on them; None if neither is known.
+
+    Args:
+        body: the model.
+        task: the contact problem.
+        outcome: its outcome.
+        place: position on the load path.
+        when: name of the load step, put before the message.
     """
     moves = {Status.OPEN, Status.TIPS, Status.SLIDES, Status.NOT_HELD}
     if outcome.status not in moves:
@@ -795,8 +839,8 @@ def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str
 
 
 def _hardly_held(body: Model, task: Task, when: str) -> Finding:
-    """Return which motion contact resists least, of bodies that it holds by all of its points at
-    most.
+    """Return a finding with the motion that contact resists least, for bodies that would be held
+    only if all contact points were in contact.
     """
     motions = task.motions
     least = (np.inf, 0, np.zeros(0))
@@ -815,8 +859,8 @@ def _hardly_held(body: Model, task: Task, when: str) -> Finding:
 
 
 def loose_in(body: Model, step: StepResult) -> list[int]:
-    """Return the assemblies that supports do not hold, and that have no tractions in a load step;
-    collective.
+    """Return the numbers of assemblies that supports do not hold and that have no tractions in a
+    load step; collective.
     """
     motions = body.at_contact
     if step.contact is None or not motions.count:
@@ -828,9 +872,13 @@ def loose_in(body: Model, step: StepResult) -> list[int]:
 def loose_at_rest(
     body: Model, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
 ) -> Iterator[Finding]:
-    """Load steps that leave what nothing presses on where it was.
+    """Yield a note about load steps in which bodies without tractions stayed where they were.
 
-    ``names``: of bodies if pieces have none.
+    Args:
+        body: the model.
+        steps: the results of the load steps.
+        path: key of the scene that the note refers to.
+        names: of bodies, if pieces have none.
     """
     loose = {step.step: numbers for step in steps if (numbers := loose_in(body, step))}
     if len(steps) == 1 or not loose:
@@ -845,9 +893,12 @@ def loose_at_rest(
 
 
 def _named(body: Model, loose: Sequence[int], names: tuple[str, ...] = ()) -> str:
-    """Name these assemblies with their free motions.
+    """Return the names of assemblies with their free motions, for a message.
 
-    ``names``: see ``loose_at_rest``.
+    Args:
+        body: the model.
+        loose: numbers of the assemblies.
+        names: see ``loose_at_rest``.
     """
     motions = body.motions
     if names:
@@ -863,7 +914,7 @@ def _named(body: Model, loose: Sequence[int], names: tuple[str, ...] = ()) -> st
 
 
 def refuse_beforehand(model: Model) -> None:
-    """Refuse what no solve begins with, such as a proof by an add-on that is not installed;
+    """Refuse a problem that cannot be solved, or that needs an add-on which is not installed;
     collective.
     """
     if model.mixed is not None and model.mixed.encloses(model.vector, model.prescribed):

@@ -1,8 +1,8 @@
-"""Between a state, whose vectors have components of space, and the frames in which a step is
-solved.
+"""Transformations between a state, whose vectors have components in space, and the frames at the
+contact points in which a step is solved.
 
-Foundations may have turned and moved since the last step has ended, and the normals of the state
-are those of then.
+Foundations may have turned and moved since the end of the last step; the normals stored in the
+state are those at that time.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ _PRESSURE = "hydrostatic pressure"  # of a mixed element at the vertices of cell
 
 @dataclass(frozen=True)
 class Posed:
-    """What a step is solved with.
+    """The problem of a step.
 
     Attributes:
-        body: with the contact points of this step.
+        body: the body with the contact points of this step.
         task: the contact problem.
-        first: where the step starts with nothing of a step before: gap, friction, and gammas of the
-            settings.
-        placed: how shapes are shifted and turned in the step.
-        drift: by how much foundations have moved at the contact points since the state, length,
-            shape (n, d); None: they have not.
+        first: initial state of the step as if no step came before it: gap, friction, and gammas of
+            the settings.
+        placed: shift and rotation of the shapes in the step.
+        drift: motion of the foundations at the contact points since the state, length, shape (n,
+            d); None: they have not moved.
         spin: see ``rotations``.
         gap: distances from foundations at the end of the step, length, shape (n,).
-        dt: its duration.
+        dt: duration of the step.
         part: see ``StepContact``.
-        loads: those at its end, where effects in time ask for them; else None.
-        softness: by how much the gap grows with the pressure, length per stress, shape (n,); None:
-            it does not.
-        linear: whether the body is: the iterate of a step then begins with the last solution.
+        loads: loads at the end of the step, if effects in time need them; else None.
+        softness: increase of the gap with the pressure, length per stress, shape (n,); None: zero.
+        linear: whether the body is linear: the iterate of a step then starts from the last
+            solution.
     """
 
     body: Model
@@ -73,15 +73,19 @@ class Posed:
 def start_of(
     posed: Posed, state: State, guess: State | None = None
 ) -> tuple[Start, PreviousStep | None]:
-    """Return the start of a step after a state, and the state as the certificate of the step takes
-    it, None: it counts for nothing; collective.
+    """Return the initial state of a step, and the previous step for the certificate; collective.
 
-    Slip is relative to foundations, and friction is that of the pressure of the state.
+    Slip is relative to foundations, and the friction bound is that of the pressure in the state.
+    The previous step is None if it does not matter.
 
-    ``guess``: of the same step, a solution for other values, or that of a coarser mesh.
+    Args:
+        posed: the problem of the step.
+        state: the state before the step.
+        guess: a solution of the same step for other values, or that of a coarser mesh; None: there
+            is none.
 
     Raises:
-        FormError: the contact points are others.
+        FormError: the contact points have changed.
     """
     task = posed.task
     boundary = posed.boundary
@@ -110,14 +114,14 @@ def start_of(
 
 
 def _fits(values: ContactValues | None, boundary: ContactBoundary) -> bool:
-    """Return whether values are those of contact points; collective."""
+    """Return whether values belong to these contact points, or are None; collective."""
     return values is None or not parallel.any_rank(
         boundary.comm, not np.array_equal(values.nodes, boundary.nodes)
     )
 
 
 def _first(posed: Posed, state: State) -> tuple[Start, PreviousStep | None]:
-    """Before the first step slip counts from the body without loads, and the shapes as they were
+    """Return the start of the first step: slip counts from the body without loads and the shapes as
     given.
     """
     first = replace(posed.first, step=state.number)
@@ -133,7 +137,7 @@ def _first(posed: Posed, state: State) -> tuple[Start, PreviousStep | None]:
 
 
 def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start, PreviousStep]:
-    """Return the start of a step after another one, and the step before; collective."""
+    """Return the start of a step after another one, and the previous step; collective."""
     body = posed.body
     first = posed.first
     boundary = posed.boundary
@@ -170,7 +174,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
 
 
 def _unknowns(posed: Posed, state: State) -> PETSc.Vec:
-    """Return all unknowns of the body in a state, counted from the reference motion of now;
+    """Return all unknowns of the body in a state, relative to the present reference motion;
     collective.
     """
     body = posed.body
@@ -205,15 +209,16 @@ def state_of(
     displacement: fem.Function,
     state: State,
 ) -> State:
-    """Return the end of a step with a solution; all that no step changes is as it was; collective.
+    """Return the state at the end of a step with a solution; values that no step changes are kept.
+    Collective.
 
     Args:
-        posed: what the step was solved with.
-        start: where its contact problem began.
-        outcome: how it ended.
-        unknowns: ``outcome.displacement()``, whose interior takes a back substitution.
+        posed: the problem of the step.
+        start: the initial state of its contact problem.
+        outcome: the outcome of the contact problem.
+        unknowns: ``outcome.displacement()``, passed because its interior takes a back substitution.
         displacement: from the initial position.
-        state: from which the step began.
+        state: the state before the step.
     """
     body = posed.body
     task = posed.task
@@ -256,13 +261,13 @@ def solution_of(
     monolithic: bool,
     augmented: bool,
 ) -> Outcome:
-    """Return how the contact problem of a step ended that led to a state, with the iterate in
-    place.
+    """Return the outcome of the contact problem whose solution is a stored state, and restore the
+    iterate.
 
     Args:
-        posed: what the step was solved with.
-        start: where it began.
-        state: its end.
+        posed: the problem of the step.
+        start: its initial state.
+        state: the state at its end.
         gammas: of the last problem of the method.
         monolithic: see ``Outcome``.
         augmented: see ``Outcome``.
@@ -313,7 +318,9 @@ def solution_of(
 def contact_values(
     boundary: ContactBoundary, sets: ActiveSets, pressure: Array, shear: Array, elastic: Array
 ) -> ContactValues:
-    """Return sets and tractions at contact points, with vectors of space."""
+    """Return sets and tractions at contact points, with shears and directions as vectors in space,
+    shape (n, d).
+    """
     return ContactValues(
         nodes=boundary.nodes.copy(),
         part=boundary.part.copy(),
@@ -330,9 +337,12 @@ def contact_values(
 def in_frames(
     values: ContactValues, rotation: Array, boundary: ContactBoundary
 ) -> tuple[ActiveSets, tuple[Array, Array]]:
-    """Return sets and (lambda, mu) in the frames of now.
+    """Return the stored sets and (lambda, mu) in the present frames of the contact points.
 
-    ``rotation``: see ``rotations``.
+    Args:
+        values: the stored values.
+        rotation: from the earlier frames, see ``rotations``.
+        boundary: the present contact points.
     """
     shear, direction = (
         components(matvec(rotation, vectors), boundary.cotangents)
@@ -344,28 +354,33 @@ def in_frames(
 
 
 def vectors_of(components: Array, tangents: Array) -> Array:
-    """Tangential components, shape (n, d - 1), as vectors of space, shape (n, d)."""
+    """Return tangential components, shape (n, d - 1), as vectors in space, shape (n, d)."""
     return matvec(tangents, components)
 
 
 def components(vectors: Array, cotangents: Array) -> Array:
-    """Return the inverse of ``vectors_of``, with the dual basis."""
+    """Return the tangential components of vectors in space by the dual basis, the inverse of
+    ``vectors_of``.
+    """
     return rmatvec(cotangents, vectors)
 
 
 def _along(boundary: ContactBoundary, moved: Array | None) -> Array | float:
-    """Return the components of motions along the boundary, shape (n, d - 1)."""
+    """Return the tangential components of motions, shape (n, d - 1); 0 without motions."""
     return 0.0 if moved is None else rmatvec(boundary.tangents, moved)
 
 
 def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
-    """Return the least rotation that takes each normal to a later one, unit vectors of shape (n,
-    d), shape (n, d, d).
+    """Return the smallest rotation from each earlier normal to the later one, shape (n, d, d).
 
-    It has no part about the normal; where the foundation has one, the shear turns with it, so that
-    the motion of body and foundation as one changes nothing: ``spin`` is the rotation of the
-    foundation of each point, shape (n, d, d), less directions in which there is no shear any more;
-    None: it counts for nothing.
+    This rotation has no part about the normal.  ``spin`` adds that of the foundation, with which
+    the shear turns, so that a common motion of body and foundation changes nothing.
+
+    Args:
+        earlier: unit normals, shape (n, d).
+        later: unit normals, shape (n, d).
+        spin: rotation of the foundation at each point, shape (n, d, d), less directions in which
+            there is no shear any more; None: none.
     """
     if spin is not None:
         earlier = matvec(spin, earlier)
@@ -382,7 +397,7 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
 
 
 def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None = None) -> Array:
-    """Return the matrices from the components of a shear in earlier frames to those in later ones,
+    """Return matrices that take components of a shear in earlier frames to those in later ones,
     shape (n, d - 1, d - 1).
     """
     rotation = rotations(earlier.normal, later.normal, spin)

@@ -1,4 +1,4 @@
-"""Where a problem is on its path through load steps, and how large the next step is."""
+"""The position of a problem on its load path, and the size of the next step."""
 
 from __future__ import annotations
 
@@ -31,9 +31,16 @@ _DIGITS = 12
 
 
 class PathIncrements:
-    """The position of a problem on its path through load steps: at the place ``reached``, by an
-    ``increment`` from the next, ``nominal`` if it is that of a ramp; places are those of
-    ``statement.load_path``.
+    """The position of a problem on its load path.
+
+    Positions (places) are those of ``statement.load_path``.
+
+    Attributes:
+        stored_names: names of the attributes that a restart needs.
+        path: the load path.
+        nominal: the initial increment, that of a ramp if there is one.
+        reached: the position that is reached.
+        increment: the distance to the next position.
     """
 
     stored_names: ClassVar[tuple[str, ...]] = ("reached", "increment")
@@ -53,27 +60,29 @@ class PathIncrements:
 
     @property
     def next(self) -> float:
-        """The place of the next load step; none goes beyond the next factor."""
+        """The position at the end of the next load step; a step never passes the next load
+        factor.
+        """
         station = floor(self.reached + SAME_LENGTH) + 1.0
         end = round(self.reached + self.increment, _DIGITS)
         return station if end > station - SAME_LENGTH else end
 
     def begin_at(self, place: float) -> None:
-        """Go on from a place with steps as large as they begin."""
+        """Continue from a position with the initial increment."""
         self.reached = place
         self.increment = self.nominal if self.path.steps is not None else 1.0
 
     def halve(self, place: float) -> None:
-        """The next step, to a place, has no solution."""
+        """Halve the increment after a step to ``place`` without a solution."""
         self.increment = (place - self.reached) / 2
 
     def resume(self, position: Mapping[str, float]) -> None:
-        """Go on from where an earlier run has come to, see ``stored``."""
+        """Continue from the position of an earlier run, see ``stored``."""
         for name in self.stored_names:
             setattr(self, name, position[name])
 
     def stored(self) -> dict[str, float]:
-        """Return what ``resume`` needs, as plain data."""
+        """Return the data that ``resume`` needs."""
         return {name: getattr(self, name) for name in self.stored_names}
 
 
@@ -84,9 +93,14 @@ _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 
 
 class Increments(PathIncrements):
-    """The position of a linear problem on its path. In a ramp the increment of a load step without
-    a solution is halved, until the load is enclosed; the linear solves of the last load step set
-    how many an attempt without one may take.
+    """The position of a linear problem on its path.
+
+    In a ramp the increment of a load step without a solution is halved until the limit load is
+    enclosed.  The number of linear solves of the last load step limits that of the next attempt.
+
+    Attributes:
+        easy: number of the last load steps with a solution that took few linear solves.
+        last: linear solves of the last load step.
     """
 
     # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves
@@ -105,14 +119,14 @@ class Increments(PathIncrements):
 
     @property
     def _encloses(self) -> bool:
-        """Whether the increment is not divided any more."""
+        """Whether the limit load is enclosed, so that the increment is not divided further."""
         reached = self.reached
         begun = reached - floor(reached + SAME_LENGTH) if reached >= 0 else reached + 1.0
         return self.next - reached <= max(ENCLOSED * begun, SMALLEST_INCREMENT * self.nominal)
 
     @property
     def allowed(self) -> int:
-        """Linear solves that the next load step may take."""
+        """Number of linear solves that the next load step may take."""
         if not self._divisible:
             return step_limit(self._iterations)
         # One at which nothing changes takes two, which is no measure for one that fails.
@@ -122,8 +136,8 @@ class Increments(PathIncrements):
         return FAILED_STEP * before_smaller if self._encloses else before_smaller
 
     def bracket(self, status: Status | None) -> str | None:
-        """Between which loads a ramp has ended with this status; None where no ramp or no load is
-        the reason.
+        """Return the loads between which a ramp has ended, as a message; None if the status is not
+        due to the load, or if there is no ramp.
         """
         if self._is_final(status):
             return None
@@ -132,7 +146,7 @@ class Increments(PathIncrements):
         return f"there is a solution {held}, and none at time {self.path.time_at(self.next):.6g}"
 
     def _is_final(self, status: Status | None) -> bool:
-        """Return whether a load step that ended with ``status`` has no solution for any
+        """Return whether a load step that ended with ``status`` has no solution with any smaller
         increment.
         """
         return (
@@ -142,7 +156,7 @@ class Increments(PathIncrements):
         )
 
     def advance(self, place: float, linear_solves: int, iterations: int = 0) -> None:
-        """The next step, to a place, has a solution, which took this many linear solves."""
+        """Advance to ``place`` after a step with a solution that took ``linear_solves``."""
         divisible = self._divisible
         enclosed = self._encloses
         self.reached = place
@@ -158,8 +172,8 @@ class Increments(PathIncrements):
             self.easy = 0
 
     def shorten(self, status: Status | None, place: float) -> bool:
-        """Halve the increment, as the step to a place ended with ``status``; whether a smaller one
-        may be tried.
+        """Halve the increment after a step to ``place`` that ended with ``status``; return whether
+        a smaller one may be tried.
         """
         if self._is_final(status) or self._encloses:
             return False
@@ -180,8 +194,14 @@ FINAL = (
 
 
 class HalvedIncrements(PathIncrements):
-    """The position of a nonlinear problem on its path. Any load step without a solution is halved,
-    the first one from time 0; after an easy one the next is larger.
+    """The position of a nonlinear problem on its path.
+
+    The increment is halved after any load step without a solution, also after the first one, from
+    time 0; after an easy step it grows.
+
+    Attributes:
+        last: linear solves of the last load step; 0: there was none.
+        cut: the shortest time step that effects have required and that has failed.
     """
 
     # ``last``: linear solves of the last load step, 0: there was none.
@@ -195,25 +215,29 @@ class HalvedIncrements(PathIncrements):
 
     @property
     def may_halve(self) -> bool:
-        """Whether a smaller step than the next one may be tried."""
+        """Whether half of the next step is still long enough to be tried."""
         return (self.next - self.reached) / 2 >= self._least
 
     @property
     def allowed(self) -> int | None:
-        """Linear solves that the next step may take, before a smaller one is tried; None: those of
-        the settings.
+        """Number of linear solves that the next step may take before a smaller one is tried; None:
+        that of the settings.
         """
         if not (self.last and self.may_halve):
             return None
         return FAILED_STEP**2 * max(self.last, EASY_STEP)
 
     def bracket(self, status: Status | None) -> str | None:
-        """See ``Increments``: a failure says it in its own words."""
+        """Return None: unlike in ``Increments``, the failure has its own message."""
         return None
 
     def advance(self, place: float, linear_solves: int, iterations: int) -> None:
-        """The next step, to a place, has a solution, after this many linear solves, and iterations
-        of Newton's method.
+        """Advance to ``place`` after a step with a solution.
+
+        Args:
+            place: the position at the end of the step.
+            linear_solves: linear solves that it took.
+            iterations: iterations of Newton's method that it took.
         """
         self.reached = place
         self.last = linear_solves
@@ -221,8 +245,11 @@ class HalvedIncrements(PathIncrements):
         self.increment = min(max(increment, self._least), self.nominal)
 
     def shorten(self, status: Status | None, place: float) -> bool:
-        """Halve the increment, as the next step, to a place, ended with ``status``, None: with an
-        error; whether a smaller one may be tried.
+        """Halve the increment after a step to ``place``; return whether a smaller one may be tried.
+
+        Args:
+            status: how the step has ended; None: with an error.
+            place: the position at the end of the step.
         """
         if place < self.next:
             self.cut = min(self.cut, place - self.reached)
@@ -236,7 +263,7 @@ def check_step(state: State, time: float, space: fem.FunctionSpace) -> None:
     """Refuse a state of another mesh, and a time that is not after that of the state; collective.
 
     Raises:
-        SceneError: it is one of these.
+        SceneError: the state or the time is refused.
     """
     problems = []
     nodes = space.dofmap.index_map

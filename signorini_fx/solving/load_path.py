@@ -1,4 +1,4 @@
-"""The loop over load steps: the same for scenes and forms, by ramps, and from an earlier run."""
+"""The loop over load steps, for scenes and forms, with ramps and restart from an earlier run."""
 
 from __future__ import annotations
 
@@ -22,26 +22,28 @@ def run(
     guess: State | None = None,
     stored: StoredStates | None = None,
 ) -> Iterator[tuple[State, Ending]]:
-    """Solve one load step after the other, or take it from what is stored, until there is none;
-    collective.
+    """Solve one load step after the other, or take it from an earlier run, until the end of the
+    path; collective.
 
     Args:
-        problem: what is solved.
-        state: from which the first step begins.
-        way: where it is on the path, which goes on from there.
-        guess: see ``step``, of the first step.
-        stored: the load steps of a run that has not ended, which each new one is added to; None:
+        problem: the problem to solve.
+        state: the state from which the first step starts.
+        way: the position on the path and the size of increments; it is advanced.
+        guess: for the first step, see ``step``.
+        stored: the stored load steps of an unfinished run, to which each new one is added; None:
             nothing is stored.
 
     Yields:
-        The end of each load step with its report, the last one with or without a solution.  It is
-        stored when the next one is asked for.
+        The end of each load step with its report; the last one may have no solution.
+        A step is stored when the next one is requested.
     """
     history = problem.history
     between = list[tuple[float, Mapping[str, float]]]()
 
     def passed(new: State, report: Report, *, kept: bool) -> Iterator[tuple[State, Report]]:
-        """A step has a solution, of which all that is shown is kept, or its figures alone."""
+        """Collect the figures of a time step with a solution; yield it if it is the end of a load
+        step (``kept``).
+        """
         figures = report.result.figures
         if (error := time_error(new)) is not None:
             figures = {**figures, "time_error": error}
@@ -63,7 +65,7 @@ def run(
     end = told = -inf
 
     def solve(begin: State, at: float, time: float) -> tuple[State, Ending]:
-        """Return the step from a state to a place, which ends at a time."""
+        """Solve the step from a state to the place ``at``, which ends at ``time``."""
         nonlocal told
         if problem.path.several and time == end != told:
             told = end

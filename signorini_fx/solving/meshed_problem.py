@@ -1,6 +1,7 @@
-"""A problem on one mesh after another, as nested iteration and a requested accuracy ask of it;
-nested iteration: a node of the fine mesh starts in the active set of its coarse neighbours, so that
-only a few linear solves remain there.
+"""A problem on a sequence of meshes, for nested iteration and for a requested accuracy.
+
+In nested iteration a node of the fine mesh starts in the active set of its coarse neighbours, so
+that only a few linear solves remain on the fine mesh.
 """
 
 from __future__ import annotations
@@ -42,8 +43,9 @@ from signorini_fx.tuned import FEW_NODES, MIDDLE_RATIO
 
 @dataclass(frozen=True)
 class SolvedMesh:
-    """A problem on one mesh, of a nonlinear body without a task; without a solution or estimate the
-    rest is None.
+    """The solution of a problem on one mesh.
+
+    A nonlinear body has no task; without a solution or an error estimate the other values are None.
     """
 
     solution: Solution
@@ -55,8 +57,8 @@ class SolvedMesh:
     step_errors: Sequence[Errors] = ()  # of each load step
 
     def as_level(self) -> MeshLevel | None:
-        """Return this mesh as a level of multigrid for finer ones, above those that it was solved
-        with.
+        """Return this mesh as a level of multigrid for finer meshes, on top of its own coarser
+        levels; None without a task.
         """
         if self.task is None:
             return None
@@ -67,14 +69,14 @@ class SolvedMesh:
 
     @property
     def state(self) -> ContactState | None:
-        """The contact points after the first load step, with which the next mesh begins as well."""
+        """The contact points after the first load step, from which the next mesh also starts."""
         return self.solution.steps[0].contact
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedProblem(ABC):
-    """A problem on one of several meshes; scenes and forms differ in how its model, and a finer
-    mesh, are made.
+    """A problem on one of several meshes; scenes and forms differ in how they make the model and a
+    finer mesh.
     """
 
     comm: MPI.Comm  # the ranks that share the work
@@ -89,14 +91,16 @@ class MeshedProblem(ABC):
     @property
     @abstractmethod
     def augmentable(self) -> bool:
-        """Whether augmentation may be chosen: not between two bodies, with which its estimates were
-        not tested, and not where contact gives way by a law of its own, which it would make hard.
+        """Whether the augmented Lagrangian method may be chosen automatically.
+
+        It may not be between two bodies, where its estimates were not tested, nor with soft
+        contact, which it would make hard.
         """
 
     @property
     @abstractmethod
     def settings(self) -> SolverSettings:
-        """How it is solved."""
+        """The settings of the solver."""
 
     @abstractmethod
     def with_settings(self, settings: SolverSettings) -> Self:
@@ -106,33 +110,42 @@ class MeshedProblem(ABC):
     def solve(
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: StoredStates | None
     ) -> SolvedMesh:
-        """Solve it from the contact state of a coarser mesh, with coarser meshes as levels of
-        multigrid, and with a checkpoint, each None where there is none; ``level`` and ``errors``
-        are left to ``solved``; collective.
+        """Solve the problem on this mesh; collective.
+
+        The ``level`` and ``errors`` of the result are set by ``solved``.
+
+        Args:
+            state: contact state of a coarser mesh to start from; None: there is none.
+            coarser: coarser meshes as levels of multigrid; None: there are none.
+            checkpoint: stored load steps for restart; None: nothing is stored.
         """
 
     @abstractmethod
     def on(self, tagged: TaggedMesh) -> Self:
-        """Return the problem on a mesh whose cells are those of the last one, divided."""
+        """Return the problem on a mesh that refines the cells of the last one."""
 
     @abstractmethod
     def divided(self, times: int) -> Self:
-        """Return the problem on a mesh that is made anew, with cells so many times as small as
-        those of the first one.
+        """Return the problem on a newly made mesh, with cells ``times`` times smaller than those of
+        the first one.
         """
 
     def remade(self, last: TaggedMesh, lengths: Array, finer: float) -> tuple[Self, int]:
-        """Return the problem on cells of these lengths made by gmsh, at most ``finer`` times finer,
-        and how many; collective.
+        """Return the problem on a mesh made by gmsh, and its number of cells; collective.
+
+        Args:
+            last: the last mesh.
+            lengths: wanted lengths of the cells.
+            finer: largest ratio of refinement.
         """
         raise NotImplementedError
 
     def keeping(self, solved: SolvedMesh) -> Self:
-        """Return the problem with what was chosen on the first mesh."""
+        """Return the problem with the choices that were made on the first mesh."""
         return self
 
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
-        """Return the effect of straight facets on a curved contact boundary, see
+        """Return the error due to straight facets on a curved contact boundary, see
         ``pressure_error.polygon_error``.
         """
         if not self.polygonal or (last is not None and not self.in_parts):
@@ -147,7 +160,9 @@ class MeshedProblem(ABC):
         coarser: MeshLevel | None,
         stored: StoredStates | None = None,
     ) -> SolvedMesh:
-        """Solve it as one of several meshes, with its errors and its cost; collective."""
+        """Solve the problem as one of several meshes, with its error estimates and its cost;
+        collective.
+        """
         history = self.history
         comm = self.comm
         history.add(f"level {number}")
@@ -203,8 +218,8 @@ class MeshedProblem(ABC):
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Why a finer mesh has no solution, or is not made, and the outcome of the coarser one that
-    stands in its place.
+    """Why a finer mesh has no solution, or is not made; the solution on the coarser mesh is
+    returned in its place.
     """
 
     status: Status
@@ -212,9 +227,12 @@ class Unsolved:
 
     @classmethod
     def by_outcome(cls, solution: Solution, mesh: str, *, late: str = "") -> Unsolved | None:
-        """Return why a solve has no solution, or None if its outcome is that of the body.
+        """Return why a solve has no solution; None if its outcome is a property of the body.
 
-        ``late``: that time has passed.
+        Args:
+            solution: the result of the solve.
+            mesh: name of the mesh for the message.
+            late: message that the time has passed; "" if it has not.
         """
         if solution.status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -231,9 +249,14 @@ class Unsolved:
     def by_error(cls, error: Exception, mesh: str, comm: MPI.Comm) -> Unsolved:
         """Return why a mesh could not be made or solved, from an error that all ranks have.
 
+        Args:
+            error: the error.
+            mesh: name of the mesh for the message.
+            comm: the ranks.
+
         Raises:
-            Exception: the error itself, where it is none of these, or memory of one of several
-            ranks: the others wait.
+            Exception: the error itself, if it is of another kind, or lack of memory on several
+                ranks, as the other ranks would wait.
         """
         if comm.size == 1 and memory_ended(error):
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -242,7 +265,7 @@ class Unsolved:
         raise error
 
     def leaves(self, coarser: Solution, history: History) -> Solution:
-        """Return the solution on the coarser mesh, with this outcome."""
+        """Return the solution on the coarser mesh with this status."""
         history.add(f"{ACCURACY}{self.reason}")
         return replace(coarser, status=self.status)
 
@@ -260,7 +283,7 @@ def solve_nested(
     """Solve on one mesh after the other, each starting from the contact state of the previous one;
     collective.
 
-    Where the last mesh has no solution that of the finest one with a solution is returned, see
+    If the last mesh has no solution, that of the finest mesh with a solution is returned, see
     ``Unsolved``.
     """
     base_memory = parallel.peak_memory(comm)
@@ -313,8 +336,8 @@ def solve_nested(
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> State:
-    """Return the guess of the step after a state that the nearest nodes of a coarser mesh make for
-    those of a finer one; collective.
+    """Return a guess for the step after ``state``, interpolated from the nearest contact nodes of a
+    coarser mesh; collective.
     """
     boundary = coarse.boundary
     tangents = boundary.tangents

@@ -1,9 +1,9 @@
 """Restart: the states of a run on disk, one for each complete load step on each mesh.
 
-A load step has a folder of its own, which appears under its name when it is complete: the state at
-its end, and figures that no step needs, such as its linear solves.  What is shown of a step is
-evaluated again from the state before it and that at its end; where its certificate does not hold it
-is solved again, and so are those after it.
+Each load step has its own folder, which gets its final name when it is complete.  It holds the
+state at the end of the step, and figures that later steps do not need, such as its linear solves.
+The results of a step are evaluated again from the states before and after it; if its certificate
+does not hold, this step and all later ones are solved again.
 """
 
 from __future__ import annotations
@@ -42,16 +42,23 @@ _ABSENT = "(absent)"
 
 
 class StoredStates:
-    """The load steps of a run in its result folder, now on the mesh with the number ``level``;
-    every method is collective.  ``scene``: that of the run, or plain data that tell it from others.
+    """The stored load steps of a run in its result folder; every method is collective.
 
     Attributes:
-        restart: whether to go on from the load steps that an earlier run has left, which the
-            history says; otherwise these are removed as soon as a new one is complete.
+        path: the folder of the stored steps.
+        level: number of the present mesh.
+
+    Args:
+        comm: the ranks.
+        folder: the result folder.
+        scene: the scene of the run, or plain data that distinguish it from others.
+        history: gets a note about the restart.
+        restart: whether to continue from the load steps that an earlier run has left; otherwise
+            these are removed as soon as a new one is complete.
 
     Raises:
-        SceneError: the checkpoint is that of another scene; all keys that differ are named.
-        OutputError: there are files in its place that no run has written.
+        SceneError: the stored steps are those of another scene; all keys that differ are named.
+        OutputError: the folder contains files that no run has written.
     """
 
     def __init__(
@@ -81,8 +88,8 @@ class StoredStates:
             )
 
     def figures(self, step: int) -> Figures | None:
-        """Return the figures of a load step, numbered from 0; None if it is not there, and then
-        neither are later ones.
+        """Return the figures of a load step, numbered from 0; None if it is not stored, and then
+        later ones are removed.
         """
         figures = self._complete.get((self.level, step))
         if figures is None:
@@ -95,8 +102,8 @@ class StoredStates:
         state: State,
         way: PathIncrements,
     ) -> Iterator[tuple[State, Report, bool]]:
-        """The steps of an earlier run that follow a state, with which the way goes on, and whether
-        each ends a load step.
+        """Yield the stored steps that follow a state, each with its report and whether it ends a
+        load step; ``way`` is advanced.
         """
         while not way.ended and (figures := self.figures(state.number)) is not None:
             number = state.number
@@ -117,7 +124,7 @@ class StoredStates:
         self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary | None = None
     ) -> State | None:
         """Return the state at the end of a load step, numbered from 0; None if it cannot be read,
-        and is solved again.
+        so that it must be solved again.
         """
         try:
             return State.read(self._folder(self.level, step) / _STATE, boundary, space)
@@ -137,8 +144,13 @@ class StoredStates:
     ) -> None:
         """Store a step that has a solution.
 
-        ``marks``: of where it has begun.
-        ``kept``: whether it ends a load step.
+        Args:
+            problem: the problem of the step.
+            new: the state at its end.
+            report: its report.
+            way: the position on the load path.
+            marks: ``marks_of`` the history at its start.
+            kept: whether it ends a load step.
         """
         solves, problems, events = marks
         history = problem.history
@@ -166,8 +178,8 @@ class StoredStates:
         self._begun = True
 
     def _write(self, target: Path, table: Mapping[str, Any], figures: Figures) -> None:
-        """Write a load step; before the first one, remove what an earlier run has left; on one
-        rank.
+        """Write a load step, on one rank; before the first one, remove the steps of an
+        earlier run.
         """
         part = self.path / manifest.PART
         try:
@@ -195,7 +207,7 @@ class StoredStates:
         return self.path / f"{level}-{step:05d}"
 
     def forget(self, step: int) -> None:
-        """Remove a load step and all later ones: they continue from another state."""
+        """Remove a load step and all later ones, which continue from another state."""
         later = [key for key in self._complete if key >= (self.level, step)]
         for key in later:
             del self._complete[key]
@@ -240,8 +252,16 @@ class StoredStates:
 def recalled(
     problem: StoredProblem, state: State, figures: Figures, read: Callable[..., State | None]
 ) -> tuple[State, Ending] | None:
-    """Return the end of a load step that follows a state, as an earlier run has stored it, with
-    what is shown of it, evaluated again; None if it cannot be read; collective.
+    """Evaluate a stored load step again and return its end; collective.
+
+    Args:
+        problem: the problem of the step.
+        state: the state before it.
+        figures: its stored figures.
+        read: returns the stored state for a space and contact points.
+
+    Returns:
+        The state at its end and the report; None if the state cannot be read.
     """
     place, time = (float(figures[name]) for name in ("place", "time"))
     with problem.timings.phase("restart"):
@@ -258,13 +278,13 @@ def recalled(
 
 
 def marks_of(history: History) -> Marks:
-    """Return numbers of linear solves, regularised problems and events so far."""
+    """Return the numbers of linear solves, regularised problems and events so far."""
     return history.linear_solves, len(history.outer), len(history.events)
 
 
 def recall_history(figures: Figures, history: History, timings: Timings) -> None:
-    """Take the linear solves, problems and events of a load step of an earlier run for those of
-    this one.
+    """Add the linear solves, problems and events of a stored load step to the history of this run,
+    and take over its timings.
     """
     history.iterations += [IterationRecord(**row) for row in figures["iterations"]]
     history.outer += [OuterRecord(**row) for row in figures["outer"]]
@@ -273,8 +293,8 @@ def recall_history(figures: Figures, history: History, timings: Timings) -> None
 
 
 def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
-    """Return the scene as JSON with all defaults, its files by content, without what changes no
-    result: title, remarks.
+    """Return the scene as JSON with all defaults and with hashes of its files, without entries that
+    change no result (title, remarks).
     """
     description = json.loads(json.dumps(describe(scene, of_file=_with_content)))
     if isinstance(scene, BaseModel):
@@ -284,7 +304,7 @@ def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_content(path: Path) -> str:
-    """Return the name of a file with what tells the content of all files that it needs."""
+    """Return the name of a file with the hashes of all files that it needs."""
     from signorini_fx.mechanics.mesh.files.formats import files_of
 
     try:
@@ -295,7 +315,7 @@ def _with_content(path: Path) -> str:
 
 
 def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
-    """Every key whose value differs, with both values."""
+    """Yield every key whose value differs, with both values."""
     if isinstance(stored, dict) and isinstance(current, dict):
         for name in dict.fromkeys((*stored, *current)):
             inner = f"{key}.{name}" if key else str(name)

@@ -1,4 +1,4 @@
-"""A scene on one mesh: sets up its contact problem, solves its load steps and certifies them."""
+"""Sets up the contact problem of a scene on one mesh, solves its load steps and certifies them."""
 
 from __future__ import annotations
 
@@ -70,8 +70,18 @@ def solve_mesh(
     begin: State | None = None,
     effects: Sequence[StepEffect] = (),
 ) -> tuple[Solution, Task, Outcome]:
-    """Solve on the mesh that ``load`` gives, from the contact of a ``coarser`` one, a level of
-    multigrid, if any.
+    """Solve a scene on one mesh.
+
+    Args:
+        statement: the scene.
+        load: returns the mesh.
+        history: the record of all solves.
+        contact: contact state of a coarser mesh to start from; None: there is none.
+        on_step: called with the report of each load step that has a solution.
+        coarser: the coarser mesh as a level of multigrid; None: there is none.
+        stored: stored load steps for restart; None: nothing is stored.
+        begin: the state to start from; None: the initial state.
+        effects: effects in time in addition to those of the scene.
     """
     problem = stated_problem(statement, load, history, coarser, effects)
     near = None
@@ -87,8 +97,14 @@ def stated_problem(
     coarser: MeshLevel | None = None,
     effects: Sequence[StepEffect] = (),
 ) -> StatedProblem:
-    """Return the problem of a statement on the mesh that ``load`` gives, with effects in time
-    beside those of its entries; collective.
+    """Return the problem of a scene on one mesh; collective.
+
+    Args:
+        statement: the scene.
+        load: returns the mesh.
+        history: the record of all solves.
+        coarser: the coarser mesh as a level of multigrid; None: there is none.
+        effects: effects in time in addition to those of the scene.
     """
     timings = Timings()
     with timings.phase("mesh"):
@@ -115,8 +131,9 @@ def stated_problem(
 
 
 def _displacement_of_coarser(task: Task, model: Model) -> Array | None:
-    """Return the displacement of the coarser mesh, shape (dofs,), where solves are not exact and
-    gain by it; collective.
+    """Return the displacement of the coarser mesh as a start, shape (dofs,); collective.
+
+    Returns None if it is not available, or if linear solves are direct, which gain nothing from it.
     """
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
@@ -147,11 +164,20 @@ def solve_contact(
     near: Array | None = None,
     begin: State | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """Return all load steps after a state, None: all, until one has no solution, the last task, and
-    the last solved outcome.
+    """Solve load steps until the end of the path, or until one has no solution.
 
-    The iteration begins with a ``contact`` of other points, and with the displacement ``near``,
-    shape (dofs,), if any.
+    Args:
+        problem: the problem on one mesh.
+        contact: contact state of other points, for example of a coarser mesh, to start from; None:
+            there is none.
+        on_step: called with the report of each load step that has a solution.
+        stored: stored load steps for restart; None: nothing is stored.
+        near: displacement to start the iteration from, shape (dofs,); None: there is none.
+        begin: the state after which the load steps are solved; None: the initial state.
+
+    Returns:
+        The solution, the last task, and the outcome of the last step with a solution;
+        of the first step if there is none.
     """
     begin = problem.initial() if begin is None else begin
     model = problem.model
@@ -192,7 +218,9 @@ def solve_contact(
 
 
 def last_solved(reports: Sequence[Report]) -> Report:
-    """Return how the last load step with a solution has ended, or the first one."""
+    """Return the report of the last load step with a solution; that of the first step if there is
+    none.
+    """
     solved = (report for report in reversed(reports) if report.result.status is Status.CONVERGED)
     return next(solved, reports[0])
 
@@ -205,11 +233,16 @@ def contact_solution(
     timings: Timings,
     find: Callable[[], Iterable[Finding]],
 ) -> Solution:
-    """Return what load steps have come to; collective.
+    """Return the solution of all load steps; collective.
 
-    ``ended``: how the last one with a solution ended, or the first one, and its data.
-    ``find``: gives the findings, which are looked for when the first one asks, on several ranks at
-        once.
+    Args:
+        mechanics: evaluates forces and stresses of the body.
+        steps: the results of the load steps.
+        task: the contact problem.
+        ended: outcome and data of the last step with a solution, or of the first step.
+        timings: times of parts of the solve.
+        find: returns the findings; it is called when they are first needed, on several ranks at
+            once.
     """
     outcome, data = ended
     shown = _shown(steps)
@@ -241,7 +274,7 @@ def contact_solution(
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:
-    """Return the last load step with a solution, or the last one."""
+    """Return the last load step with a solution; the last one if there is none."""
     return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
 
 
@@ -257,8 +290,9 @@ def _findings(mechanics: Mechanics, steps: Sequence[StepResult]) -> list[Finding
 def findings_of_steps(
     mechanics: Mechanics, steps: Sequence[StepResult], further: Sequence[Finding]
 ) -> list[Finding]:
-    """Return what is odd about results of load steps, beside what is known; where the last one has
-    none, why; collective.
+    """Return the findings about the results of load steps, with ``further`` ones; collective.
+
+    If the last step has no result, they give the reasons.
     """
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]
@@ -279,7 +313,7 @@ def findings_of_steps(
 
 
 def _solved(steps: Sequence[StepResult]) -> bool:
-    """Return whether the last load step has a result that something can be said about."""
+    """Return whether the last load step has a result that findings can be about."""
     return steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
 
 
@@ -309,7 +343,7 @@ def contact_task(
 
 
 def algorithm_name(model: Model, ended: Outcome) -> str:
-    """Return the algorithms that are used, in the paper's abbreviations."""
+    """Return the name of the algorithms that were used, in the paper's abbreviations."""
     if ended.newton.linear:
         return "linear"
     settings = model.settings
@@ -325,8 +359,8 @@ def algorithm_name(model: Model, ended: Outcome) -> str:
 
 
 def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
-    """Return the regularisation error allowed for path-following where it follows the estimated
-    discretisation error.
+    """Return a function for the regularisation error that path-following may leave, as a share of
+    the estimated discretisation error; None if the settings do not ask for it.
     """
     settings = model.settings
     if model.boundary is None or (settings.algorithm, settings.regularisation_error) != (
@@ -341,8 +375,9 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
 
 @dataclass
 class StatedProblem:
-    """A body that a statement says all of, where its last step has put it: only what is assembled
-    stays of that.
+    """The problem of a scene on one mesh, at the position of its last step.
+
+    The position of foundations changes from step to step; only what is assembled is kept.
     """
 
     model: Model
@@ -365,28 +400,30 @@ class StatedProblem:
 
     @property
     def path(self) -> LoadPath:
-        """Return the load path of the statement."""
+        """The load path of the statement."""
         return self.model.path
 
     @property
     def waits(self) -> bool:
-        """Whether it is one of several load steps."""
+        """Whether the path has several load steps, see ``Start.several``."""
         return self.path.several
 
     def mechanics(self, model: Model) -> Mechanics:
-        """Return what the statement says of a body of a step, kept for the next one of the same
-        body.
+        """Return the evaluation of the statement on the body of a step; it is kept as long as the
+        body is the same.
         """
         if self._mechanics is None or self._mechanics.model is not model:
             self._mechanics = StatedMechanics(model, model.statement)
         return self._mechanics
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        """See ``State.save``."""
+        """Return the contact points, which may be none, and the space of displacements; see
+        ``State.save``.
+        """
         return self.model.boundary or no_points(self.model.space), self.model.space
 
     def initial(self) -> State:
-        """Return the body before the first load step, without loads; collective."""
+        """Return the state before the first load step, without loads; collective."""
         model = self.model
         begun = placements(model.statement.contacts_at(-1))
         unknowns = np.zeros(model.rigid.fixed.size)
@@ -397,8 +434,8 @@ class StatedProblem:
         return state
 
     def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """Return what the step to a place, of a duration, is solved with after a state;
-        collective.
+        """Return the problem of the step from a state to a place on the path; ``dt`` is its
+        duration. Collective.
         """
         model = self.model
         if model.statement.preloads:
@@ -434,7 +471,9 @@ class StatedProblem:
         return Posed(stepped, self.task, first, placements(stepped.contacts), drift, spin)
 
     def _with_effects(self, body: Model, state: State, dt: float) -> Model:
-        """Return the body of a step: what is assembled of it is kept for two durations."""
+        """Return the body of a step with effects in time; what is assembled is kept for two
+        durations.
+        """
         stepped = body
         for effect in self.effects:
             stepped = effect.body(stepped, state, dt)
@@ -461,7 +500,7 @@ class StatedProblem:
     recall = recalled_equilibrium
 
     def accept(self, new: State, report: Report) -> None:
-        """Remember the shortenings that forces have led to, for results of earlier steps."""
+        """Keep the shortenings that tightening forces have led to, for the following steps."""
         if self.model.statement.preloads:
             self.model = self.model.with_statement(report.mechanics.statement)
 
@@ -469,11 +508,11 @@ class StatedProblem:
         """Solve the load step from a state to a time; collective.
 
         Args:
-            state: the end of the load step before, or ``initial()``; it stays as it is.
-            time: of the end of the load step, after that of the state.
+            state: the end of the load step before, or ``initial()``; it is not changed.
+            time: time at the end of the load step, after that of the state.
 
         Returns:
-            The state at its end and the result, whose ``status`` says whether it is a solution.
+            The state at its end and the result, whose ``status`` tells whether it is a solution.
 
         Raises:
             SceneError: there is no load step at this time, or it is not after that of the state;
@@ -488,8 +527,8 @@ class StatedProblem:
 
 
 def _spin(model: Model) -> Array | None:
-    """Across planes of symmetry, which supports make that hold now, there is no shear of a pair any
-    more.
+    """Return the matrices that remove the shear of a pair across planes of symmetry, which supports
+    impose now, shape (n, d, d); None without pairs.
     """
     now = model.boundary
     if now is None or not model.pairs:

@@ -1,5 +1,5 @@
-"""One load step: from the state before it to the state at its end, and a report of how it has
-ended.
+"""The solution of one load step, from the state before it to the state at its end, with a
+report.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _DIGITS = 9  # of durations, whose ends have round-off
 
 
 class Problem(Protocol):
-    """What load steps are solved of; its methods are collective."""
+    """A problem that is solved in load steps; its methods are collective."""
 
     @property
     def path(self) -> LoadPath:
@@ -52,15 +52,15 @@ class Problem(Protocol):
 
     @property
     def history(self) -> History:
-        """Return the history of all solves."""
+        """The history of all solves."""
 
     @property
     def timings(self) -> Timings:
-        """Return the times that parts of the solve took."""
+        """The times that parts of the solve took."""
 
     @property
     def effects(self) -> Sequence[StepEffect]:
-        """What else happens from load step to load step."""
+        """Effects in time, which act from load step to load step."""
 
     def equilibrium(
         self,
@@ -70,14 +70,16 @@ class Problem(Protocol):
         guess: State | None = None,
         budget: int | None = None,
     ) -> tuple[State, Ending]:
-        """Return the end of a step before effects in time, and its report, see ``step``."""
+        """Return the state at the end of a step without the contributions of effects in time, and
+        its report; see ``step``.
+        """
 
     def accept(self, new: State, report: Report) -> None:
-        """A step has ended with a solution, from which the next one goes on."""
+        """Accept a step with a solution, from which the next step continues."""
 
 
 class StoredProblem(Problem, Protocol):
-    """A problem whose load steps can be stored."""
+    """A problem whose load steps can be stored and restored."""
 
     def recall(
         self,
@@ -87,39 +89,45 @@ class StoredProblem(Problem, Protocol):
         read: Callable[..., State | None],
         method: Mapping[str, Any],
     ) -> tuple[State, Ending] | None:
-        """Return the end of a stored step before effects in time, see ``recalled_equilibrium``."""
+        """Return the end of a stored step without the contributions of effects in time; see
+        ``recalled_equilibrium``.
+        """
 
 
 class LinearProblem(Problem, Protocol):
-    """A problem whose load steps are contact problems of a linear body each."""
+    """A problem in which each load step is a contact problem of a linear body."""
 
     @property
     def waits(self) -> bool:
-        """Whether a body that nothing loads waits where it is for its load, see
+        """Whether a body without load stays where it is until it is loaded, see
         ``Start.several``.
         """
 
     def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """Return what the step to a place, of a duration, is solved with after a state: nothing
-        else that an earlier step has left counts.
+        """Return the problem of the step from a state to a place on the path; ``dt`` is its
+        duration.
+
+        It depends on the state only, on nothing else that earlier steps have left.
         """
 
     def mechanics(self, model: Model) -> Mechanics:
-        """Return what says the forces and stresses of a body that was posed."""
+        """Return the evaluation of forces and stresses for a body of this problem."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """How a load step has ended; no step goes on from it.
+    """The result of a load step and how it was found; later steps do not use it.
 
     Attributes:
-        result: what is shown of it.
-        mechanics: of the body as it is in the step.
-        posed: what it was solved with.
-        start: where it began.
-        outcome: how its contact problem has ended, with the iterate of the method as long as no
-            other is solved.
-        data: of that problem.
+        result: the results to show.
+        mechanics: evaluates forces and stresses of the body in the step.
+        posed: the problem of the step.
+        start: its initial state.
+        outcome: the outcome of the contact problem, with the iterate of the method as long as no
+            other problem is solved.
+        data: the regularised problem of the outcome.
+        iterations: iterations of Newton's method for a nonlinear body.
+        internal: see ``StepEnd``.
     """
 
     result: StepResult
@@ -133,7 +141,7 @@ class Report:
 
     @property
     def status(self) -> Status:
-        """How the step has ended."""
+        """The status of the step."""
         return self.result.status
 
     def __str__(self) -> str:
@@ -142,13 +150,13 @@ class Report:
 
 @dataclass(frozen=True)
 class Failure:
-    """How a load step of a nonlinear body has ended that has nothing to show.
+    """The failure of a load step of a nonlinear body, without a result to show.
 
     Attributes:
-        record: the step in words.
-        status: None: by an error.
-        why: there is no solution, in words.
-        error: by which it has ended.
+        record: description of the step.
+        status: None if an error ended the step.
+        why: why there is no solution, as a message.
+        error: the error that ended the step, if any.
     """
 
     record: StepRecord
@@ -172,21 +180,22 @@ def step(
     guess: State | None = None,
     budget: int | None = None,
 ) -> tuple[State, Ending]:
-    """Solve the step from a state to a place on the path; a failure changes nothing that a later
-    step begins from; collective.
+    """Solve the step from a state to a place on the path; collective.
+
+    A failure changes nothing that a later step starts from.
 
     Args:
-        problem: what is solved.
+        problem: the problem to solve.
         state: the end of the step before.
-        place: see ``statement.load_path``.
-        time: of its end; None: that of the place.
-        guess: a solution of the same step for other values, from which the iteration begins; None:
+        place: position on the path, see ``statement.load_path``.
+        time: time at the end of the step; None: that of the place.
+        guess: a solution of the same step for other values, from which the iteration starts; None:
             there is none.
-        budget: linear solves that it may take; None: those of the settings.
+        budget: linear solves allowed; None: those of the settings.
 
     Returns:
-        The state at its end, or of a nonlinear body without a solution that before it, and how it
-        has ended: a ``Report``, or of a nonlinear body a ``Failure``.
+        The state at the end and a ``Report``.  For a nonlinear body without a solution: the state
+        before the step and a ``Failure``.
     """
     solves = problem.history.linear_solves
     time = problem.path.time_at(place) if time is None else time
@@ -219,7 +228,7 @@ def contact_equilibrium(
     guess: State | None = None,
     budget: int | None = None,
 ) -> tuple[State, Report]:
-    """Return the end of a step that is one contact problem, see ``step``; collective."""
+    """Solve a step that is one contact problem and return its end; see ``step``.  Collective."""
     posed, start, before = begun(problem, state, place, time, guess)
     body = posed.body
     reason = None
@@ -252,16 +261,19 @@ def recalled_equilibrium(
     read: Callable[..., State | None],
     method: Mapping[str, Any],
 ) -> tuple[State, Report] | None:
-    """Return the end of a step that an earlier run has solved, evaluated again; None if it cannot
-    be read; collective.
+    """Evaluate a step again whose solution an earlier run has stored, and return its end;
+    collective.
 
     Args:
-        problem: what was solved.
+        problem: the problem that was solved.
         state: the end of the step before.
         place: see ``step``.
-        time: of its end.
-        read: gives the stored state in a space, at contact points; None: it cannot be read.
+        time: time at the end of the step.
+        read: returns the stored state for a space and contact points; None if it cannot be read.
         method: see ``solution_of``.
+
+    Returns:
+        The state at the end and the report; None if the stored state cannot be read.
     """
     from signorini_fx.solving.bolt_preloads import tightened
 
@@ -283,10 +295,16 @@ def recalled_equilibrium(
 def ended(
     problem: Problem, state: State, new: State, report: Report, *, stored: bool = False
 ) -> tuple[State, Report]:
-    """Return the end of a step with a solution as effects leave it, and the report with their
-    figures; collective.
+    """Apply the effects in time to the end of a step with a solution, and add their figures to the
+    report; collective.
 
-    ``stored``: whether the end is of an earlier run, which effects have left it so.
+    Args:
+        problem: the problem of the step.
+        state: the state before the step.
+        new: the state at its end, without the contributions of effects.
+        report: its report.
+        stored: whether ``new`` is read from an earlier run and contains these contributions
+            already.
     """
     if not problem.effects:
         return new, report
@@ -325,19 +343,21 @@ def ended(
 
 
 def _last_begun(problem: Problem, state: State, new: State) -> State:
-    """Return the state that the step between two states was begun from in the end; collective."""
+    """Return the state from which the step between two states was started in its last repetition;
+    collective.
+    """
     for effect in problem.effects:
         state = effect.last_begun(state, new)
     return state
 
 
 def _forces_of(problem: Problem, state: State, report: Report) -> Callable[[], ActingForces]:
-    """Return what gives the forces on the body at the end of a step; collective."""
+    """Return a function that evaluates the forces on the body at the end of a step; collective."""
     return partial(_acting, report, _added_forces(problem.effects, report.posed, state))
 
 
 def _end_of(problem: Problem, state: State, report: Report) -> StepEnd:
-    """Return the end of a step with a solution as effects see it; collective."""
+    """Return the end of a step with a solution in the form that effects use; collective."""
     posed = report.posed
     result = report.result
     loads = posed.loads
@@ -359,8 +379,8 @@ def _end_of(problem: Problem, state: State, report: Report) -> StepEnd:
 
 
 def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
-    """Return what is shown of a step whose contact problem was solved for another displacement than
-    that of its end, which a state has: tractions are those of the step; collective.
+    """Return the result of a step at the displacement of its end, where the contact problem was
+    solved for another displacement; tractions are those of the contact problem.  Collective.
     """
     posed = report.posed
     body = posed.body
@@ -390,8 +410,8 @@ def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
 def begun(
     problem: LinearProblem, state: State, place: float, time: float, guess: State | None = None
 ) -> tuple[Posed, Start, PreviousStep | None]:
-    """Return a step that begins: what it is solved with, where it starts, and the state as its
-    certificate sees it.
+    """Return the problem of a step, its initial state, and the state before it for the
+    certificate.
     """
     dt = time - state.time
     if any(effect.overrides("body") for effect in problem.effects):
@@ -422,8 +442,10 @@ def begun(
 
 
 def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
-    """Return the data where points of soft contact have the stiffness of their law for gamma_n, and
-    what gives way with the pressure is in series with either.
+    """Return the data with the stiffness of soft contact as a share of gamma_n.
+
+    Points with an overclosure law have the stiffness of the law in place of gamma_n.  A compliance
+    of the contact, ``posed.softness``, is in series with either.
     """
     boundary = posed.body.boundary
     laws = overclosures_of(posed.body.contacts)
@@ -438,11 +460,13 @@ def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
 
 
 def _lasting(posed: Posed, dt: float) -> Posed:
-    """Return what a step is solved with where laws that follow the slip count it over its duration,
-    time, as good as infinite where motion begins from rest.
+    """Return the problem of a step with its duration in the friction law, if friction follows the
+    speed of slip.
+
+    Where motion starts from rest, ``dt`` is practically infinite.
 
     Raises:
-        FormError: it is no duration.
+        FormError: the duration is not positive.
     """
     law = posed.first.law
     if law is None or not law.follows_slip:
@@ -454,10 +478,10 @@ def _lasting(posed: Posed, dt: float) -> Posed:
 
 
 def refuse_no_duration(dt: float) -> None:
-    """Refuse a step that lasts no time where laws follow the speed of slip.
+    """Refuse a step without a positive duration where friction follows the speed of slip.
 
     Raises:
-        FormError: it is such a step.
+        FormError: ``dt`` is not positive.
     """
     if not dt > 0:
         reason = f"must go on from the last load step, the next one would last {dt:g}"
@@ -465,7 +489,7 @@ def refuse_no_duration(dt: float) -> None:
 
 
 def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> Posed:
-    """Return what a step is solved with where effects change what holds at contact points;
+    """Return the problem of a step with the changes that effects make to the contact points;
     collective.
     """
     body = posed.body
@@ -506,7 +530,9 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
 def _loaded(
     mechanics: Mechanics, posed: Posed, effects: Sequence[StepEffect], state: State, place: float
 ) -> Array:
-    """Give a system the loads of a step, and return their factors; collective."""
+    """Set the loads of a step in the system, and return the factors of its load cases;
+    collective.
+    """
     system = posed.task.system
     for effect in effects:
         assert posed.loads is not None
@@ -525,8 +551,17 @@ def judged(
     state: State,
     time: float,
 ) -> tuple[State, Report]:
-    """Return the end of a step that began from a state, and the verdict of the certificate;
+    """Return the state at the end of a step, and the report with the verdict of the certificate;
     collective.
+
+    Args:
+        problem: the problem of the step.
+        posed: the problem as it was solved.
+        start: its initial state.
+        before: the state before the step for the certificate.
+        outcome: how the contact problem has ended.
+        state: the state before the step.
+        time: time at the end of the step.
     """
     body = posed.body
     task = posed.task
@@ -592,7 +627,9 @@ def judged(
 def _added_forces(
     effects: Sequence[StepEffect], posed: Posed, state: State
 ) -> list[Callable[[Array], AddedForces | None]]:
-    """Return what effects add to the balance at a displacement."""
+    """Return functions that evaluate the forces which effects add to the balance at a displacement;
+    none for a nonlinear body.
+    """
     return [
         partial(effect.forces, posed.body, posed.loads, state, posed.dt)
         for effect in effects
@@ -601,8 +638,8 @@ def _added_forces(
 
 
 def _acting(report: Report, more: Sequence[Callable[[Array], AddedForces | None]]) -> ActingForces:
-    """Return what acts on the body beside contact as its contact problem was solved, what effects
-    add among it; collective.
+    """Return the forces on the body other than contact, as in the contact problem, with those that
+    effects add; collective.
     """
     y = report.result.displacement
     acting = report.mechanics.acting(y, report.start.place)
@@ -613,7 +650,7 @@ def _acting(report: Report, more: Sequence[Callable[[Array], AddedForces | None]
 
 
 def _reactions(report: Report, balance: Balance) -> Array:
-    """Return the forces of supports on the owned nodes, shape (owned nodes, d); collective."""
+    """Return the support forces on the owned nodes, shape (owned nodes, d); collective."""
     result = report.result
     conditions = report.mechanics.conditions(result.displacement)
     return reactions_of(balance, conditions, result.contact)
@@ -622,8 +659,12 @@ def _reactions(report: Report, balance: Balance) -> Array:
 def reactions_of(
     balance: Balance, conditions: ContactConditions | None, contact: ContactState | None
 ) -> Array:
-    """Return the forces of supports on the owned nodes, from all forces on the body without contact
-    and the tractions at its contact points, shape (owned nodes, d); collective.
+    """Return the support forces on the owned nodes, shape (owned nodes, d); collective.
+
+    Args:
+        balance: all forces on the body without contact.
+        conditions: the contact conditions at nodes; None: there are no contact points.
+        contact: the tractions at contact points; None: there are none.
     """
     pressing = np.zeros_like(balance.internal)
     if contact is not None and conditions is not None:

@@ -1,7 +1,8 @@
-"""Time steps on the way to the end of a load step: as long as effects let them be, or as short as
-an accuracy asks for.
+"""Time steps within a load step: as long as effects allow, or as short as a required accuracy in
+time needs.
 
-Where one is asked for, two steps are compared with one over the same time from the same state.
+For a required accuracy, two steps are compared with one step over the same time from the same
+state.
 """
 
 from __future__ import annotations
@@ -34,12 +35,12 @@ Ended = tuple[State, Ending, float, float]  # the end of a step, its report, its
 
 @dataclass(frozen=True)
 class Pairs:
-    """What pairs of steps have told so far.
+    """Error estimates from the pairs of time steps so far.
 
     Attributes:
         duration: of the next pair, time.
-        errors: the sums of the errors of displacement and tractions, in L2, shape (2,).
-        sizes: the largest values of both so far, of the same shape.
+        errors: sums of the errors of displacement and tractions, in L2, shape (2,).
+        sizes: largest norms of displacement and tractions so far, in L2, shape (2,).
     """
 
     duration: float
@@ -48,17 +49,20 @@ class Pairs:
 
     @classmethod
     def of(cls, state: State) -> Pairs:
-        """Return the pairs that have led to a state."""
+        """Return the estimates that are stored in a state; zero errors if there are none."""
         if (kept := state.fields.get(_FIELD)) is None:
             return cls(inf, np.zeros(2), np.zeros(2))
         values = kept.values.ravel()
         return cls(float(values[0]), values[1:3], values[3:])
 
     def after(self, whole: Ended, last: Solved, order: float, *, moves: bool) -> Pairs:
-        """Return the pairs with another one, whose last step has an error of an order in time;
-        collective.
+        """Return the estimates with those of another pair; collective.
 
-        ``moves``: tractions are none of them, as those of an impact jump.
+        Args:
+            whole: the end of the one long step.
+            last: the end of the second short step.
+            order: order of the error in time.
+            moves: whether bodies move: then tractions are left out, as they jump at impacts.
         """
         posed = last[1].posed
         errors = _sizes(posed, last[0], whole[0]) / (2**order - 1)
@@ -68,12 +72,14 @@ class Pairs:
         return replace(self, errors=self.errors + errors, sizes=sizes)
 
     def kept_in(self, state: State) -> State:
-        """Return a state with what these pairs have told."""
+        """Return the state with these estimates stored in it."""
         values = [self.duration, *self.errors, *self.sizes]
         return state.with_field(_FIELD, "global", values)
 
     def shares(self, errors: Array) -> float:
-        """Return the largest error, relative to the largest value."""
+        """Return the larger of the errors of displacement and tractions, each relative to its
+        largest norm.
+        """
         return float(quotient(errors, self.sizes).max())
 
 
@@ -88,12 +94,20 @@ def time_error(state: State) -> float | None:
 def time_steps(
     problem: Problem, state: State, reached: float, place: float, solve: Solve
 ) -> Iterator[Ended]:
-    """Solve the next time step on the way from a place that is reached with a state to another
-    place, or the two of a pair whose error is allowed; collective.
+    """Solve the next time step towards ``place``, or the two steps of a pair whose error is
+    allowed; collective.
+
+    Args:
+        problem: the problem to solve.
+        state: the state from which the step starts.
+        reached: its position on the load path.
+        place: the position at the end of the load step.
+        solve: solves a step, see ``Solve``.
 
     Yields:
-        The end of each step; of one without a solution as the last.  If the first step of a pair
-        follows another one, that was too long, and does not count.
+        The end of each step; the last one may have no solution.
+        If the first step of a pair is yielded a second time, the earlier one was too long and does not
+        count.
     """
     path = problem.path
     effects = problem.effects
@@ -101,7 +115,7 @@ def time_steps(
     longest = min((effect.next_time(state, end) for effect in effects), default=end)
 
     def to(begin: State, time: float) -> Ended:
-        """Return the step from a state to a time."""
+        """Return the end of the step from a state to a time."""
         at = place
         if time < end:
             at = reached + (place - reached) * (time - state.time) / (end - state.time)
@@ -157,8 +171,8 @@ def time_steps(
 def all_steps(
     problem: Problem, state: State, reached: float, place: float, solve: Solve
 ) -> tuple[State, Ending]:
-    """Solve all time steps on the way to a place; the end, or the first one without a solution;
-    collective.
+    """Solve all time steps up to ``place``, and return the end, or that of the first step without a
+    solution; collective.
     """
     while True:
         for new, report, at, _ in time_steps(problem, state, reached, place, solve):
@@ -176,8 +190,8 @@ def _solved(ended: Ended) -> TypeGuard[Solved]:
 
 
 def _sizes(posed: Posed, state: State, other: State | None = None) -> Array:
-    """Displacement and tractions of a state in L2, or of what it has more than another one, shape
-    (2,); collective.
+    """Return the L2 norms of displacement and tractions of a state, or of its difference from
+    ``other``, shape (2,); collective.
     """
     body = posed.body
     if "square" not in body.of_mesh:

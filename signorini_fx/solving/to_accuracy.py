@@ -1,5 +1,5 @@
-"""Solution to a given accuracy: which mesh comes next, with which gamma, and when the accuracy is
-reached.
+"""Solution to a given accuracy: the choice of the next mesh and gamma, and the test whether the
+accuracy is reached.
 
 The next mesh is only as fine as needed: uniform refinement uses the rate at which the error
 decreases, adaptive refinement the share of the squared error that has to be removed.
@@ -55,11 +55,11 @@ from signorini_fx.tuned import (
 
 def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
     """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget
-    ends; collective.
+    is spent; collective.
 
-    A refinement that would exceed the budget is not begun, and one that takes longer than predicted
-    is given up, after the linear solve in which the time ends.  If it ends on the first mesh there
-    is no solution.
+    A refinement that is predicted to exceed the budget is not started.  One that takes longer than
+    predicted is stopped after the linear solve in which the time ends; on the first mesh there is
+    then no solution.
     """
     goal = budget.goal
     comm = budget.comm
@@ -171,7 +171,7 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
 
 
 def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size: float) -> str:
-    """Why no mesh will reach the accuracy; "" if one may."""
+    """Return why no mesh will reach the accuracy, as a message; "" if one may."""
     table = levels[-1].table
     row = diverging_row([level.table for level in levels]) if goal.of == "peak" else None
     if row is not None:
@@ -203,7 +203,14 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
 
 @dataclass(frozen=True)
 class Budget:
-    """A requested accuracy, with the memory before it, MB, and the clock when it began, seconds."""
+    """A requested accuracy with its limits of time and memory.
+
+    Attributes:
+        goal: the accuracy and the limits.
+        comm: the ranks.
+        base_memory: memory in use at the start, MB.
+        begin: clock time at the start, s.
+    """
 
     goal: Accuracy
     comm: MPI.Comm
@@ -212,7 +219,9 @@ class Budget:
 
     @classmethod
     def begins(cls, goal: Accuracy, comm: MPI.Comm, history: History) -> Budget:
-        """Start the time of a budget, which ends all methods when it has passed; collective."""
+        """Start a budget; the history then reports when its time has passed, which ends all
+        methods. Collective.
+        """
         budget = cls(goal, comm, parallel.peak_memory(comm), parallel.clock(comm))
         allowed = goal.seconds
         if allowed is not None:
@@ -222,8 +231,8 @@ class Budget:
     def affordable(
         self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes
     ) -> tuple[float, Unsolved | None]:
-        """Return the jump, or a smaller one that keeps to the budget; and how the next mesh would
-        exceed it all the same.
+        """Return the ratio of refinement, reduced if needed to keep to the budget, and how the next
+        mesh would exceed the budget even so (None if it does not).
         """
         beyond = self.exceeded(rows, meshes.whole(jump), last)
         while beyond is not None and meshes.any_jump and jump > SMALLEST_JUMP:
@@ -232,8 +241,8 @@ class Budget:
         return jump, beyond
 
     def exceeded(self, rows: list[Price], finer: float, last: LevelResult) -> Unsolved | None:
-        """Return how a mesh so many times finer than the last one exceeds the budget or the
-        machine; None if it does not.
+        """Return how a mesh ``finer`` times finer than the last one would exceed the budget or the
+        memory of the machine; None if it would not.
         """
         goal = self.goal
         following = predict(
@@ -270,7 +279,7 @@ class Budget:
 
 
 class Meshes:
-    """A sequence of ever finer meshes, and the ``problem`` on the one that is to be solved next."""
+    """A sequence of ever finer meshes; ``problem`` is the one on the mesh to be solved next."""
 
     def __init__(
         self,
@@ -309,7 +318,7 @@ class Meshes:
         )
 
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """Return the current mesh, the first one so fine that there is a solution."""
+        """Solve on the current mesh; the first mesh is refined until it has a solution."""
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
@@ -330,7 +339,9 @@ class Meshes:
             self.problem = replace(self.problem, coarsest=self.problem.coarsest / 2).divided(1)
 
     def solve(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """Solve on the current mesh; if augmentation fails on it finer ones have regularisation."""
+        """Solve on the current mesh; if augmentation fails on it, finer meshes use the stated
+        settings.
+        """
         solved = self._solved(state, number)
         if number == 0 and solved.level is not None:
             self.problem = self.problem.keeping(solved)
@@ -342,9 +353,15 @@ class Meshes:
     def jump(
         self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int
     ) -> float:
-        """Return how many times finer the next mesh is, for an error that is ``excess`` times too
-        large; where it is not known because of the nodes ``touching``, so many times that they are
-        enough.
+        """Return how many times finer the next mesh should be.
+
+        Args:
+            excess: ratio of the error to the allowed one; infinite if the error is unknown: then
+                the mesh becomes so fine that it has enough nodes in contact.
+            rate: order of convergence.
+            compared: whether the next mesh must be noticeably finer to be worth a solve.
+            dimension: of the body.
+            touching: number of nodes in contact.
         """
         if not self.any_jump:
             return (
@@ -357,7 +374,7 @@ class Meshes:
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
     def whole(self, jump: float) -> float:
-        """Return how many times finer the next mesh will be: cells of meshes made anew are divided
+        """Return how many times finer the next mesh will be: cells of newly made meshes are divided
         a whole number of times.
         """
         if not (self._made and self.any_jump):
@@ -365,9 +382,7 @@ class Meshes:
         return max(ceil(self._divisions * jump - 1e-9), self._divisions + 1) / self._divisions
 
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
-        """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the
-        body.
-        """
+        """Make the next mesh; cells made by gmsh are on average at most ``jump`` times finer."""
         if self.problem.remakes:
             assert solved.errors is not None
             last = solved.tagged
@@ -400,7 +415,9 @@ class Meshes:
     def raise_gamma(
         self, task: Task, outcome: Outcome, regularisation_error: float, excess: float
     ) -> None:
-        """Make gamma so large that the regularisation error, like 1 / gamma, keeps to its share."""
+        """Increase gamma so that the regularisation error, proportional to 1 / gamma, keeps to its
+        share.
+        """
         factor = excess / REGULARISATION_SHARE
         if factor <= 1:
             return

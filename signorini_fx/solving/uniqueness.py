@@ -1,12 +1,12 @@
-"""Below which friction coefficient a scene has one solution on its mesh, proved from the stiffness
-of contact points.
+"""A bound of the friction coefficient below which the solution on a mesh is unique, proved from the
+stiffness of the contact points.
 
 Let v be the difference of two solutions with the same loads, and r that of the nodal contact
 forces, so that S v = -r with the condensed stiffness S.  At every point r_N v_N >= 0 and r_T . v_T
->= -F |r_N| |v_T|, with and without regularisation and in bilateral contact, from which the
-inequality of docs/theory.md follows for any weights nu and d. Here one nu and a factor of d make
-the largest F that it excludes as large as possible.  Tresca friction is F = 0: its shear stays in
-r.  A bond holds its point.
+>= -F |r_N| |v_T|, with and without regularisation and in bilateral contact.  From this the
+inequality of docs/theory.md follows for any weights nu and d.  Here one nu and one factor of d are
+chosen so that the bound of F is as large as possible.  Tresca friction is F = 0: its shear stays in
+r.  A bonded point does not move.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ _NOT_TRIED = {
 
 
 def uniqueness_findings(model: Model) -> list[Finding]:
-    """Below which coefficient of Coulomb friction the last load step has one solution, given the
-    ones before it.
+    """Return a finding with the coefficient of Coulomb friction below which the last load step has
+    one solution, given the steps before it.
     """
     law = model.law
     if law is None or not model.has_coulomb:
@@ -69,8 +69,8 @@ def uniqueness_findings(model: Model) -> list[Finding]:
 
 
 def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
-    """Return the stiffness and the contact map for ``proved_multiple``; or why there is no
-    proof.
+    """Return the condensed stiffness and the contact map for ``proved_multiple``; or a message why
+    there is no proof.
     """
     law = model.law
     load_step = len(model.path.times) - 1
@@ -105,12 +105,15 @@ def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
 
 
 def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tuple[float, str]:
-    """Return the multiple of the friction coefficients below which a problem is proved to have one
-    solution, infinite where friction has no part in it, and why it is zero.
+    """Return the multiple of the friction coefficients below which uniqueness is proved, and the
+    reason if it is zero.
 
-    ``stiffness``: of some unknowns without the prescribed ones, the others eliminated, shape (u,
-        u).
-    ``operator``: B on these, rows (n, T) of each point.
+    The multiple is infinite if no point with friction has a positive coefficient.
+
+    Args:
+        stiffness: of the unknowns that are not prescribed, the others condensed, shape (u, u).
+        operator: the contact map B on these unknowns, rows (n, T) of each point.
+        law: the friction law.
     """
     coefficient = law.coefficient
     moves = np.linalg.norm(operator, axis=1) > NOTHING_LEFT
@@ -141,8 +144,13 @@ def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tu
 
 
 def _critical(stiffness: Array, normal: int, beside: Ints, sizes: Array) -> tuple[float, str]:
-    """Return the critical coefficient of normal components, then tangential ones, with the place of
-    the normal one of each.
+    """Return the critical multiple and the reason if it is zero.
+
+    Args:
+        stiffness: of normal components, followed by tangential ones.
+        normal: number of normal components.
+        beside: for each tangential component, the index of the normal one of its point.
+        sizes: friction coefficient of each tangential component.
     """
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = stiffness / np.abs(stiffness).max()
@@ -165,7 +173,9 @@ def _critical(stiffness: Array, normal: int, beside: Ints, sizes: Array) -> tupl
     last = values.size - 1
 
     def largest(exponents: Array) -> float:
-        """Return the logarithm of the largest eigenvalue; infinite: these weights prove nothing."""
+        """Return the logarithm of the largest eigenvalue; infinite if these weights prove
+        nothing.
+        """
         nu, d = np.exp(exponents)
         matrices = d * pressed + slid / d, nu * pressing + sliding
         try:
