@@ -1,3 +1,3 @@
-"""Ranks, versions, the terminal, the compiler, and files in text: modules that do not know what is
-solved.
+"""Ranks, versions, the terminal, the compiler, and text files: modules that are independent of the
+problem being solved.
 """

@@ -25,10 +25,10 @@ if VERSION < (0, 9):
 
 @contextmanager
 def shared_cells() -> Iterator[None]:
-    """Let all elements of one kind share their cell inside the ``with`` block.
+    """Let all elements of one kind share their UFL cell inside the ``with`` block.
 
-    basix makes a new one whenever an element is asked for its own, as UFL does hundreds of times
-    for a form: 150 objects for a hexahedron.
+    basix makes a new cell whenever an element is asked for it, which UFL does hundreds of times for
+    a form: 150 objects for a hexahedron.
     """
     elements = basix.ufl._ElementBase
     own = elements.cell
@@ -43,7 +43,9 @@ _cell = cache(ufl.Cell)
 
 
 def interpolation_points(element: Any) -> Array:
-    """Reference points of ``element``: a method until 0.9, a property since."""
+    """Return the interpolation points of an element on the reference cell: a method until 0.9, a
+    property since.
+    """
     points = element.interpolation_points
     return points() if callable(points) else points
 
@@ -60,12 +62,12 @@ def _cmap(geometry: Any) -> cpp.fem.CoordinateElement_float64:
 
 
 def geometry_degree(domain: mesh.Mesh) -> int:
-    """Polynomial degree of the geometry: 1 for straight cells."""
+    """Return the polynomial degree of the geometry: 1 for straight cells."""
     return int(_cmap(domain.geometry).degree)
 
 
 def geometry_element(domain: mesh.Mesh) -> basix.finite_element.FiniteElement:
-    """Return the Lagrange element of the geometry of the cells, as basix has it."""
+    """Return the Lagrange element of the geometry of the cells as an element of basix."""
     cmap = _cmap(domain.geometry)
     return lagrange(domain.topology.cell_name(), cmap.degree, basix.LagrangeVariant(cmap.variant))
 
@@ -74,28 +76,28 @@ def geometry_element(domain: mesh.Mesh) -> basix.finite_element.FiniteElement:
 def lagrange(
     cell: str, degree: int, variant: basix.LagrangeVariant
 ) -> basix.finite_element.FiniteElement:
-    """Return the scalar Lagrange element on a kind of cell, as basix has it."""
+    """Return the scalar Lagrange element on a kind of cell as an element of basix."""
     return basix.create_element(
         basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant
     )
 
 
 def geometry_cells(domain: mesh.Mesh) -> Indices:
-    """Geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
+    """Return the geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
     geometry: Any = domain.geometry
     return geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap
 
 
 def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:
-    """Return the object of C++ that one of Python holds, which compiled forms and other releases
-    know.
+    """Return the C++ object that a Python object holds, as some functions of dolfinx take only
+    this.
     """
     inner = holder
     return inner._cpp_object
 
 
 def geometry_in_space(domain: mesh.Mesh) -> cpp.mesh.Geometry_float64:
-    """Return the geometry of a mesh, whose points get three coordinates, for a mesh of the same
+    """Return the geometry of a mesh with points of three coordinates, for a mesh of the same
     topology.
     """
     geometry = wrapped(domain.geometry)
@@ -114,16 +116,17 @@ def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
 
 
 def topology(holder: mesh.Mesh | mesh.MeshTags) -> cpp.mesh.Topology:
-    """Return the topology of a mesh, or that of tags, which is wrapped for one of them only until
-    0.10, for comparison.
+    """Return the topology of a mesh or of tags, unwrapped so that both can be compared.
+
+    Until 0.10 it is wrapped for one of them only.
     """
     wrapped = holder.topology
     return getattr(wrapped, "_cpp_object", wrapped)
 
 
 def facet_mesh(domain: mesh.Mesh, facets: Indices) -> tuple[mesh.Mesh, Indices]:
-    """Return a mesh of facets, and the facet of each of its cells on this rank: an array until 0.9,
-    a map since.
+    """Return a mesh of facets, and for each of its cells on this rank the facet of ``domain``: an
+    array until 0.9, a map since.
     """
     cells: Any
     made, cells, *_ = mesh.create_submesh(domain, domain.topology.dim - 1, facets)

@@ -1,10 +1,11 @@
-"""Compilation of forms by dolfinx: processes that compile the same form wait for each other, and
-one that was killed leaves nothing behind; a clear error on all ranks if the machine lacks something
-for it.
+"""Compilation of forms by dolfinx, made safe against concurrent and killed processes.
+
+Processes that compile the same form wait for each other.  If the machine lacks something for it,
+all ranks raise a clear error.
 
 A process that is killed leaves a C file that FFCx takes for work in progress in every later run.
-Therefore a form is locked while it is compiled, by a lock that ends with the process: what lies
-there under no lock is compiled again.
+Therefore a form is locked while it is compiled, by a lock that ends with the process: an unfinished
+file without a lock is compiled again.
 """
 
 from __future__ import annotations
@@ -37,14 +38,16 @@ _BEGUN: list[float] = []
 
 
 def seconds_compiled() -> float:
-    """Wall seconds that this process has spent on compilation so far."""
+    """Return the wall seconds that this process has spent on compilation so far."""
     return _SPENT[0]
 
 
 @contextmanager
 def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
-    """Lock the form that is compiled inside the ``with`` block; MachineError: what the machine
-    lacks for it.
+    """Lock the form that is compiled inside the ``with`` block.
+
+    Raises:
+        MachineError: the compilation failed; the message names what the machine needs.
     """
     from cffi import VerificationError
 
@@ -70,8 +73,8 @@ def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
 
 @contextmanager
 def _locks() -> Iterator[None]:
-    """Let FFCx ask for a lock before it looks for a compiled form; locks are held to the end of the
-    ``with`` block.
+    """Make FFCx request a lock before it looks for a compiled form; locks are held to the end of
+    the ``with`` block.
     """
     from ffcx.codegeneration import jit
 
@@ -98,12 +101,15 @@ def _locks() -> Iterator[None]:
 
 
 def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None:
-    """Wait until no other process compiles a form, and remove what one that has ended left
-    unfinished.
+    """Wait until no other process compiles a form, and remove unfinished files of a process that
+    has ended.
 
-    ``patience``: seconds that a program which knows no such lock has.
-    ``held``: what ends the lock, none if the form is compiled already, or the folder allows for no
-        locks.
+    Args:
+        folder: the cache of compiled forms.
+        module: name of the form.
+        patience: time after which an unfinished file of a program without locks is removed, s.
+        held: receives the lock; none is taken if the form is compiled already, or if the folder
+            does not support locks.
     """
     if _compiled(folder, module):
         return
@@ -133,10 +139,15 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
 def library(
     folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]
 ) -> Any:
-    """Return a module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms
-    unless it is there.
+    """Return a module of C functions, with ``lib`` and ``ffi`` of cffi, compiled unless it is in
+    the cache.
 
-    ``name``: another one for another source.
+    Args:
+        folder: the cache, beside the forms.
+        name: of the module; it must differ for different sources.
+        declarations: C declarations of the functions.
+        source: C source of the functions.
+        arguments: for the compiler.
     """
     from cffi import FFI
 
@@ -160,7 +171,7 @@ def library(
 
 
 def _files(folder: Path, module: str) -> tuple[Path, Path]:
-    """Return the source, and the file that FFCx writes after compilation."""
+    """Return the paths of the source, and of the file that FFCx writes after compilation."""
     return folder / f"{module}.c", folder / f"{module}.c.cached"
 
 
@@ -170,7 +181,7 @@ def _compiled(folder: Path, module: str) -> bool:
 
 
 def _age(path: Path) -> float:
-    """Seconds since a file was written; -1 if it is not there."""
+    """Return the seconds since a file was written; -1 if it does not exist."""
     try:
         return max(time.time() - path.stat().st_mtime, 0.0)
     except OSError:

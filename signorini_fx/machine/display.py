@@ -1,4 +1,4 @@
-"""How figures and tables are shown, in a notebook, on a page and on a terminal."""
+"""Numbers and tables as text, for notebooks, pages and terminals."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def dataframe(columns: Any) -> DataFrame:
 
 
 def clean(value: Any, scale: float) -> Any:
-    """Return components of a vector that are round-off beside the scale are zero; a single number
-    stays.
+    """Return a vector with components that are round-off relative to ``scale`` set to zero; a
+    single number is returned as it is.
     """
     return (
         [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
@@ -61,8 +61,9 @@ def point_in_words(point: Iterable[float]) -> str:
 
 
 def with_error(value: Any, error: float | None) -> str:
-    """Return a number, or a vector in brackets, rounded as its error, which follows; two digits: it
-    is not known, six: there is none but round-off.
+    """Return a number, or a vector in brackets, rounded to the digits of its error, with the error.
+
+    An error of None (unknown) gives two digits, a negligible one six, both without the error.
     """
     vector = isinstance(value, list | tuple)
     parts = [float(part) for part in (value if vector else [value])]
@@ -88,7 +89,7 @@ def with_error(value: Any, error: float | None) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a time that is only known roughly."""
+    """Return a time as text with few digits, for times that are only known roughly."""
     if seconds < 9.5:
         return "below 0.01 s" if seconds < 0.01 else f"{seconds:.1g} s"
     if seconds < 600:
@@ -97,20 +98,22 @@ def duration(seconds: float) -> str:
 
 
 def storage(size: float) -> str:
-    """Return a number of bytes that is only known roughly."""
+    """Return a number of bytes as text with few digits."""
     if size < 1e6:
         return "below 1 MB"
     return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
 
 
 def status_in_words(summary: dict[str, Any]) -> str:
-    """Return the outcome of a solve in words, and whether its scene is incomplete."""
+    """Return the outcome of a solve as text, with a note if its scene is incomplete."""
     return str(summary["status"]) + (", incomplete" if summary.get("incomplete") else "")
 
 
 def touch_each_other(summary: dict[str, Any]) -> bool:
-    """Return whether bodies touch each other, or a rigid one several boundaries: then the contact
-    force of a boundary acts on the body that it is of, and the sum of all says nothing.
+    """Return whether bodies touch each other, or several boundaries touch one rigid body.
+
+    Then the contact force of a boundary acts on its own body only, and the sum over all boundaries
+    has no meaning.
     """
     contacts = (summary.get("scene") or {}).get("contact", ())
     named = [(effect.get("foundation") or {}).get("rigid") for effect in contacts]
@@ -119,19 +122,17 @@ def touch_each_other(summary: dict[str, Any]) -> bool:
 
 
 def on_several_bodies(summary: dict[str, Any]) -> bool:
-    """Return whether the contact forces have no resultant that acts on one body: they are those of
-    several such boundaries.
-    """
+    """Return whether the contact forces have no common resultant, as they act on several bodies."""
     return touch_each_other(summary) and len(summary.get("contact_boundaries", ())) > 1
 
 
 def load_step(row: dict[str, Any]) -> str:
-    """Return a load step by its number, name and time."""
+    """Return the number, name and time of a load step as text."""
     return str(StepRecord(row["step"], row["name"], row["time"]))
 
 
 def results_of(summary: dict[str, Any]) -> str:
-    """Return the load step that the results are of."""
+    """Return which load step the results belong to, as text."""
     of = summary["results_of"]
     last = summary["steps"][-1]
     if of["status"] != Status.CONVERGED.value:
@@ -142,7 +143,7 @@ def results_of(summary: dict[str, Any]) -> str:
 
 
 def effort_in_words(summary: dict[str, Any]) -> str:
-    """Return the numbers of linear solves and factorisations of a solve, in words."""
+    """Return the numbers of linear solves and factorisations of a solve as text."""
     counts = (
         (summary["linear_solves"], "linear solve"),
         (summary["factorisations"], "factorisation"),

@@ -1,9 +1,8 @@
-"""Which files in a folder are results: those that the folder's manifest lists; nothing else is
-replaced or removed.
+"""The manifest of a folder, which lists the files that are results; no other files are replaced or
+removed.
 
-The manifest is a text file in the folder, one path a line.  Runs write no symbolic links, so that
-no link is a result. What is not complete yet stands in a hidden folder, which is listed where it is
-in an inner one.
+The manifest is a text file in the folder, one path a line.  Runs write no symbolic links, so a link
+is never a result.  Incomplete files are in a hidden folder; that of an inner folder is listed.
 """
 
 from __future__ import annotations
@@ -19,9 +18,12 @@ _NEW = f"{MANIFEST}.new"
 
 
 def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
-    """List files.
+    """Add files to the manifest.
 
-    ``alone``: whether nothing else is listed any more.
+    Args:
+        folder: the folder.
+        names: paths of the files in the folder.
+        alone: whether earlier entries are dropped.
     """
     listed = {*names, *(() if alone else _lines(folder))}
     new = folder / _NEW
@@ -31,25 +33,29 @@ def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
 
 
 def begin_part(folder: Path) -> None:
-    """Make the hidden folder of what is not complete anew."""
+    """Make a new, empty hidden folder for incomplete files."""
     remove_part(folder)
     (folder / PART).mkdir()
 
 
 def remove_part(folder: Path) -> None:
-    """Remove the hidden folder of what is not complete."""
+    """Remove the hidden folder of incomplete files."""
     shutil.rmtree(folder / PART, ignore_errors=True)
 
 
 def ours(folder: Path) -> set[str]:
-    """Return the files in a folder that its manifest lists, as paths in it."""
+    """Return the paths, relative to the folder, of the files that its manifest lists, and of the
+    manifest.
+    """
     # What a manifest says of places outside, also by way of links, does not count.
     listed = {name for name in _lines(folder) if _within(folder, name)}
     return listed.union(name for name in (MANIFEST, _NEW) if (folder / name).is_file())
 
 
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
-    """Return the files and folders at these places, or in these folders, that are not listed."""
+    """Return the files and folders with these names, or inside folders with these names, that are
+    not listed.
+    """
     listed = ours(folder)
     unlisted = list[str]()
     for name in names:
@@ -65,10 +71,11 @@ def foreign(folder: Path, names: Iterable[str]) -> list[str]:
 
 
 def remove(folder: Path, inner: str = "") -> None:
-    """Remove everything that is listed, and the folders in it that are empty then; the manifest
-    stays.
+    """Remove all listed files, and folders that become empty; the manifest stays.
 
-    ``inner``: how the paths of what is removed begin.
+    Args:
+        folder: the folder.
+        inner: only files whose path starts with this are removed.
     """
     for name in ours(folder) - {MANIFEST}:
         file = folder / name
@@ -82,8 +89,8 @@ def remove(folder: Path, inner: str = "") -> None:
 
 
 def files(folder: Path) -> list[str]:
-    """Return all files in a folder but those that are not complete, as paths in it; a link is a
-    file.
+    """Return the paths of all files in a folder, relative to it, except incomplete ones; a link
+    counts as a file.
     """
     found = []
     for root, folders, names in os.walk(folder):
@@ -94,7 +101,7 @@ def files(folder: Path) -> list[str]:
 
 
 def _lines(folder: Path) -> list[str]:
-    """Return the entries of the manifest; a link is no manifest."""
+    """Return the entries of the manifest; a link is not accepted as a manifest."""
     manifest = folder / MANIFEST
     try:
         return [] if manifest.is_symlink() else manifest.read_text(encoding="utf-8").splitlines()
@@ -103,8 +110,8 @@ def _lines(folder: Path) -> list[str]:
 
 
 def _within(folder: Path, name: str) -> bool:
-    """Return whether a path stays within the folder, without a link or another result folder on its
-    way.
+    """Return whether a path stays within the folder, without passing a link or another result
+    folder.
     """
     parts = Path(name).parts
     if not parts or ".." in parts or os.path.isabs(name):

@@ -1,7 +1,6 @@
-"""All MPI reductions of the package, and everything that only the first rank does.
+"""All MPI reductions of the package, and functions that run on the first rank only.
 
-A rank that is alone sends no message: MPI takes ten times as long for one as to return what was
-given.
+On a single rank no message is sent, because MPI takes ten times as long as returning the values.
 """
 
 from __future__ import annotations
@@ -28,19 +27,19 @@ LARGEST_MESSAGE = 2**30
 
 
 def is_root(comm: MPI.Comm) -> bool:
-    """Return whether this rank prints and writes."""
+    """Return whether this is the rank that prints and writes."""
     return comm.rank == 0
 
 
 def clock(comm: MPI.Comm) -> float:
-    """Return seconds on the clock of the first rank, the same on every rank: only differences mean
-    anything; collective.
+    """Return the clock of the first rank in seconds, the same on every rank, for time differences;
+    collective.
     """
     return float(comm.bcast(time.perf_counter()))
 
 
 def peak_memory(comm: MPI.Comm) -> float:
-    """Largest resident memory so far, summed over the ranks, MB; collective."""
+    """Return the largest resident memory so far, summed over the ranks, MB; collective."""
     # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its
     # large parent.
     try:
@@ -52,7 +51,7 @@ def peak_memory(comm: MPI.Comm) -> float:
 
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Sum over the ranks, entry by entry; shape and dtype of ``values`` are kept."""
+    """Return the sum over the ranks, entry by entry; shape and dtype of ``values`` are kept."""
     if comm.size == 1:
         return np.array(values, order="C")
     local = np.asarray(values, order="C")
@@ -62,13 +61,19 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
 
 
 def total(comm: MPI.Comm, values: npt.ArrayLike) -> float:
-    """Return the sum of all values of all ranks; of flags the number of those that hold."""
+    """Return the sum of all entries over all ranks; for flags the number that are True."""
     return float(global_sum(comm, np.sum(values)))
 
 
 def sums_by(comm: MPI.Comm, numbers: Ints, values: Array, count: int) -> Array:
-    """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1,
-    numbers: shape (n,); they have the shape (count, d), the same on every rank.
+    """Return sums over all ranks of the values with the same number, shape (count, d), the same on
+    every rank.
+
+    Args:
+        comm: the ranks.
+        numbers: from 0 to count - 1, shape (n,).
+        values: shape (n, d).
+        count: how many numbers there are.
     """
     total = np.zeros(
         (count, values.shape[1])
@@ -79,18 +84,20 @@ def sums_by(comm: MPI.Comm, numbers: Ints, values: Array, count: int) -> Array:
 
 
 def any_rank(comm: MPI.Comm, condition: npt.ArrayLike) -> bool:
-    """Return whether ``condition`` holds on any rank, of an array anywhere."""
+    """Return whether ``condition``, or any entry of an array, is True on any rank."""
     holds = bool(np.any(condition))
     return holds if comm.size == 1 else bool(comm.allreduce(holds, op=MPI.LOR))
 
 
 def global_max(comm: MPI.Comm, value: float) -> float:
-    """Largest value over the ranks."""
+    """Return the largest value over the ranks."""
     return float(value) if comm.size == 1 else float(comm.allreduce(float(value), op=MPI.MAX))
 
 
 def global_bounds(comm: MPI.Comm, points: Array) -> Array:
-    """Smallest and largest coordinates over the ranks of points of shape (n, d), shape (2, d)."""
+    """Return the smallest and largest coordinates of the points of all ranks, shape (2, d);
+    ``points`` has shape (n, d).
+    """
     # Column by column, 20 times as fast as along the long axis.
     low = [column.min(initial=np.inf) for column in points.T]
     high = [column.max(initial=-np.inf) for column in points.T]
@@ -99,14 +106,14 @@ def global_bounds(comm: MPI.Comm, points: Array) -> Array:
 
 
 def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> float:
-    """Largest entry over the ranks of arrays, each of which may be empty: it then counts as
+    """Return the largest entry over the arrays of all ranks; an empty array counts as
     ``default``.
     """
     return global_max(comm, values.max() if values.size else default)
 
 
 def largest_of_each(comm: MPI.Comm, values: Array) -> Array:
-    """Largest value over the ranks, entry by entry; the shape is kept."""
+    """Return the largest value over the ranks, entry by entry; the shape is kept."""
     if comm.size == 1:
         return np.array(values)
     most = np.empty_like(values)
@@ -115,9 +122,7 @@ def largest_of_each(comm: MPI.Comm, values: Array) -> Array:
 
 
 def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
-    """Run ``function`` on the first rank and give its result, or its error, to all ranks, so that
-    none waits.
-    """
+    """Run ``function`` on the first rank and give its result, or its error, to all ranks."""
     if comm.size == 1:
         return function()
     outcome: tuple[T | None, Exception | None] = (None, None)
@@ -134,8 +139,8 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
 
 
 def _as_sent(error: Exception) -> Exception:
-    """Return an error that all ranks can raise, in words where it cannot be sent: the others would
-    wait for it.
+    """Return an error that can be sent to all ranks; one that cannot be pickled becomes a
+    RuntimeError with its message.
     """
     try:
         MPI.pickle.loads(MPI.pickle.dumps(error))
@@ -145,7 +150,7 @@ def _as_sent(error: Exception) -> Exception:
 
 
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
-    """Raise on every rank if any rank has an error: that of the lowest such rank."""
+    """Raise on every rank if any rank has an error: the error of the lowest such rank."""
     errors = (
         [error] if comm.size == 1 else comm.allgather(None if error is None else _as_sent(error))
     )
@@ -155,9 +160,10 @@ def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
 
 
 def machine_memory(comm: MPI.Comm) -> float:
-    """Memory of all machines that the ranks run on, bytes, less if it is limited; collective.
+    """Return the memory of all machines on which the ranks run, bytes, or its limit if that is
+    lower; collective.
 
-    Limits are those of a control group, and of the address space of each rank (``ulimit -v``).
+    The limits are those of a control group, and of the address space of each rank (``ulimit -v``).
     """
     memory = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     with contextlib.suppress(OSError, ValueError):  # there is no control group, or it has no limit
@@ -175,10 +181,13 @@ def machine_memory(comm: MPI.Comm) -> float:
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return rows of all ranks stacked in rank order, on every rank: for what is of the size of the
-    contact boundary at most.
+    """Return the rows of all ranks stacked in rank order, on every rank.
 
-    ``rows``: shape (n, ...), alike but for n, numbers or truth values.
+    For data of at most the size of the contact boundary.
+
+    Args:
+        comm: the ranks.
+        rows: shape (n, ...), equal on all ranks except for n; numbers or truth values.
     """
     if comm.size == 1:
         return np.array(rows, order="C")
@@ -187,8 +196,10 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return rows of all ranks, see ``gather_rows``, stacked in rank order on the first rank, none
-    on the others: for what is of the size of the mesh.
+    """Return the rows of all ranks stacked in rank order on the first rank, and no rows on the
+    others, see ``gather_rows``.
+
+    For data of the size of the mesh.
     """
     if comm.size == 1:
         return np.array(rows, order="C")
@@ -197,22 +208,20 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def exchanged(comm: MPI.Comm, parts: list[T]) -> list[T]:
-    """Return what the ranks send to this one, in their order; collective.
+    """Return the objects that the ranks send to this one, in rank order; collective.
 
-    ``parts``: what this one sends to each of them.
+    Args:
+        comm: the ranks.
+        parts: the objects that this rank sends, one to each rank.
     """
     return parts if comm.size == 1 else comm.alltoall(parts)
 
 
 def rows_before(comm: MPI.Comm, count: int) -> int:
-    """Return the number of rows of the ranks before this one, where each has ``count``;
-    collective.
-    """
+    """Return the sum of ``count`` over the ranks before this one; collective."""
     return 0 if comm.size == 1 else sum(comm.allgather(count)[: comm.rank])
 
 
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:
-    """Return the largest time of each phase over the ranks; the phases are the same on all
-    ranks.
-    """
+    """Return the largest time of each phase over the ranks; all ranks must have the same phases."""
     return {name: global_max(comm, value) for name, value in seconds.items()}

@@ -1,9 +1,9 @@
-"""Frees the objects of PETSc that are no longer used on several ranks.
+"""Frees PETSc objects that are no longer used, on several ranks.
 
-To destroy them is collective, and Python forgets objects at another time on each rank.  Therefore
-petsc4py only sets them aside there, with their matrices and factors, until all ranks ask for a
-clean-up of their communicator.  dolfinx has a communicator for each mesh, which is gone with the
-mesh; an object that stays keeps PETSc's copy of it for us.
+Destroying them is collective, but Python collects objects at different times on each rank.
+Therefore petsc4py only sets them aside, with their matrices and factors, until all ranks request a
+clean-up of their communicator.  dolfinx has a communicator for each mesh, which is freed with the
+mesh; a PETSc object that is kept here keeps PETSc's copy of it alive.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _mesh_objects: list[tuple[weakref.ReferenceType[dmesh.Mesh], PETSc.Vec]] = []
 
 
 def free_unused(mesh: dmesh.Mesh) -> None:
-    """Free what is no longer used on the communicators of all meshes on the ranks of this one,
-    which is noted for later calls; collective.
+    """Free the unused PETSc objects of all meshes on the same ranks as this one, and register this
+    mesh; collective.
     """
     if mesh.comm.size == 1:  # destroyed at once
         return

@@ -33,7 +33,7 @@ def folder_path(folder: object) -> Path:
     """Return the path of a result folder.
 
     Raises:
-        TypeError: it is no path.
+        TypeError: ``folder`` is not a path.
     """
     if isinstance(folder, str | os.PathLike):
         return Path(folder)
@@ -41,14 +41,15 @@ def folder_path(folder: object) -> Path:
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, Cell]]) -> None:
-    """Rows with a header; see ``write_columns``."""
+    """Write rows with a header as CSV; see ``write_columns``."""
     rows = list(rows)
     names = dict.fromkeys(chain.from_iterable(rows))
     write_columns(path, {name: [row.get(name, "") for row in rows] for name in names})
 
 
 def write_columns(path: Path, columns: Table) -> None:
-    """Columns of equal length; numbers with all digits, names without control characters.
+    """Write columns of equal length as CSV, numbers with all digits, text without control
+    characters.
 
     A table without rows becomes an empty file.
     """
@@ -71,9 +72,12 @@ def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Any]:
 
 
 def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a CSV file by their names: floats where every entry is a number (an
-    empty one is nan), strings elsewhere; ValueError: a row has more or fewer entries than the
-    header, or it is not a CSV file.
+    """Return the columns of a CSV file by their names.
+
+    A column is of floats where every entry is a number (an empty one is nan), otherwise of strings.
+
+    Raises:
+        ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
@@ -101,8 +105,10 @@ def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """summary.json of a result folder; ResultError: it does not exist, is none, or is
-    incomplete.
+    """Return summary.json of a result folder.
+
+    Raises:
+        ResultError: the file does not exist, is not a summary, or is incomplete.
     """
     file = folder / "summary.json"
     if not os.path.isdir(folder):  # a name may be of any length
@@ -144,7 +150,7 @@ _ALWAYS_NUMBERS = ("certificate", "moment")
 
 def _numbers(value: Any, key: str) -> Any:
     """Return a value with nan for what a failed solve could not compute: null in a list, or under
-    certain keys.
+    the keys ``_ALWAYS_NUMBERS``.
     """
     if isinstance(value, dict):
         return {

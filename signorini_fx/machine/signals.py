@@ -1,7 +1,8 @@
-"""Signals at moments when Python code can end in good order.
+"""Deferral of signals to moments when Python code can end in good order.
 
-Python serves a signal between any two instructions, also in a function that C code has called: what
-the handler raises there, such as ``KeyboardInterrupt``, arrives in C as an error code, or is lost.
+Python handles a signal between any two instructions, also in a function that C code has called.
+What the handler raises there, such as ``KeyboardInterrupt``, arrives in C as an error code or is
+lost.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ _deferring = False
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Signals that have a handler in Python wait for ``serve``, or for the end of the ``with``
-    block.
+    """Defer signals that have a Python handler until ``serve`` is called, or to the end of the
+    ``with`` block.
     """
     global _deferring
     if (
@@ -55,7 +56,7 @@ def deferred() -> Iterator[None]:
 
 
 def serve() -> None:
-    """Call the handlers of the signals that wait, of which each may raise something, such as
+    """Call the handlers of the deferred signals; each may raise an exception, such as
     ``KeyboardInterrupt``.
     """
     while arrived:
@@ -64,7 +65,7 @@ def serve() -> None:
 
 
 def _note(number: int, frame: FrameType | None) -> None:
-    """Note a signal, and call the former handler if it comes while handlers are put back."""
+    """Record a signal; call its former handler if it arrives while the handlers are restored."""
     if _deferring:
         arrived.append((number, frame))
     else:

@@ -1,5 +1,5 @@
-"""Text for the terminal: printed once, in any encoding, and without an error if nobody reads it;
-and what launchers of ranks (mpirun, srun) set in the environment.  No MPI here.
+"""Output to the terminal in any encoding, robust against closed streams, and the environment that
+launchers of ranks (mpirun, srun) set.  MPI is not imported here.
 """
 
 from __future__ import annotations
@@ -29,16 +29,17 @@ _CONTROL = re.compile(
 
 
 def printable(text: str) -> str:
-    """Return a text without control characters, but for the ends of lines and tabs: titles, names
-    and messages of others may have some, with which a terminal would change its state, and which no
-    page or table can show.
+    """Return a text without control characters, except line ends and tabs.
+
+    Titles, names and messages from elsewhere may contain control characters, which would change the
+    state of a terminal, and which no page or table can show.
     """
     return _CONTROL.sub("", text)
 
 
 def prepare() -> None:
-    """Let both streams accept any text: characters that their encoding does not have are written as
-    escapes.
+    """Let standard output and standard error accept any text: characters outside their encoding are
+    written as escapes.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # absent where the stream is closed or replaced
@@ -46,8 +47,8 @@ def prepare() -> None:
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Return whether this stream is a terminal; False for ranks of Open MPI, which have pseudo
-    terminals wherever mpirun writes.
+    """Return whether this stream is a terminal; False for ranks of Open MPI, to which mpirun gives
+    pseudo terminals.
     """
     pseudo_terminals = "OMPI_COMM_WORLD_SIZE" in os.environ  # wherever mpirun writes
     return stream is not None and stream.isatty() and not pseudo_terminals
@@ -55,7 +56,9 @@ def is_terminal(stream: TextIO | None) -> bool:
 
 @dataclass(frozen=True)
 class TerminalLine:
-    """A line of output."""
+    """A line of output: its beginning, in the colour of its kind on a terminal, and the text after
+    it.
+    """
 
     begin: str  # how it begins, on a terminal in the colour of its kind
     text: str = ""  # prose behind that
@@ -65,7 +68,7 @@ class TerminalLine:
         return f"{self.begin}{self.text}"
 
     def coloured(self) -> str:
-        """Return the line as a terminal with colours shows it."""
+        """Return the line with the escape sequences for its colour."""
         code = _COLOURS.get(self.kind)
         begin = (
             printable(self.begin) if code is None else f"\x1b[{code}m{printable(self.begin)}\x1b[0m"
@@ -82,9 +85,12 @@ _COLOURS = {
 
 
 def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """Print on standard output, or on standard error; a stream that cannot be written is given up.
+    """Print on standard output or standard error; a stream that cannot be written is silently
+    closed.
 
-    ``output``: a text, printed as it is, or lines, which a terminal colours.
+    Args:
+        output: a text, printed as it is, or lines, which a terminal shows in colour.
+        error: whether to print on standard error.
     """
     stream = sys.stderr if error else sys.stdout
     try:
@@ -104,7 +110,7 @@ def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
 
 
 def say_once(comm: MPI.Comm, output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """Print on rank 0 alone."""
+    """Print on rank 0 only."""
     if comm.rank == 0:
         say(output, error=error)
 
@@ -115,8 +121,9 @@ def output_lost() -> bool:
 
 
 def _give_up(stream: TextIO, reason: OSError) -> None:
-    """Go on silently if the reader has ended (``| head``) or nothing can be written, in order not
-    to lose results.
+    """Redirect a stream to the null device after an error, so that results are not lost.
+
+    Nothing is reported if the reader has ended (``| head``).
     """
     global _lost
     with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
@@ -131,13 +138,17 @@ def _give_up(stream: TextIO, reason: OSError) -> None:
 
 
 def started_as_root() -> bool:
-    """Return whether this process is the first of its ranks, or the only one."""
+    """Return whether this process is the first rank, or the only one, according to its
+    environment.
+    """
     return next((os.environ[name] for name in _RANK if name in os.environ), "0") == "0"
 
 
 def limit_threads() -> None:
-    """Set one thread for each rank unless the environment sets another number, because fronts of
-    factorisations are small; for a process that has not loaded BLAS.
+    """Set one thread for each rank, unless the environment sets another number.
+
+    More threads do not help, as the fronts of the factorisations are small.  Call it before BLAS is
+    loaded.
     """
     if not any(name in os.environ for name in _THREADS):
         os.environ["OMP_NUM_THREADS"] = "1"
