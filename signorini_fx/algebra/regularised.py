@@ -1,9 +1,9 @@
 """The regularised contact problem (3.3) as SNES callbacks: residual, and active-set Jacobian A +
 B^T D B.
 
-(3.3b), the contact pressure, is in ``algebra.contact.complementarity``, (3.3c), the friction, in
-``algebra.contact.active_sets``.  A problem must not know which kind of elastic system it is given,
-or which algorithm evaluates its residual.
+The contact pressure (3.3b) is in ``algebra.contact.complementarity``, friction (3.3c) in
+``algebra.contact.active_sets``.  A problem is independent of the kind of its elastic system and of
+the algorithm that evaluates its residual.
 """
 
 from __future__ import annotations
@@ -43,11 +43,13 @@ from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
 
 @dataclass(frozen=True)
 class NextSets:
-    """The active sets of the next linear solve, and those that follow from the iterate, from which
-    they differ, ``repaired``, if these would not hold the body.
+    """The active sets of the next linear solve.
 
     Attributes:
-        escapes: the status if it moves away whatever the sets are.
+        sets: the active sets.
+        trial: the sets that follow from the iterate.
+        repaired: whether ``sets`` differ from ``trial``, because these would not hold the body.
+        escapes: the status if the body moves away whatever the sets are; else None.
     """
 
     sets: ActiveSets
@@ -57,9 +59,14 @@ class NextSets:
 
 
 class ContactTangent:
-    """The Jacobians of one problem, by their handles: ``inserted`` blocks D, and those of the last
-    factorisation. Of A, by blocks or with a pattern that has that of B^T D B
-    (``ContactMap.admitted``), only the entries that contact adds to are set.
+    """The Jacobians A + B^T D B of one problem.
+
+    A is stored by blocks, or with a pattern that contains that of B^T D B
+    (``ContactMap.admitted``), so that only the entries to which contact adds are set.
+
+    Attributes:
+        inserted: the blocks D in each Jacobian, by its handle.
+        factorised: the blocks D at its last factorisation, by its handle.
     """
 
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
@@ -69,7 +76,7 @@ class ContactTangent:
         self.factorised: dict[int, Array] = {}
 
     def create(self) -> PETSc.Mat:
-        """Return a matrix to insert blocks into, so far A; collective."""
+        """Return a matrix to insert blocks into, at first equal to A; collective."""
         if not is_by_blocks(self._matrix):
             return self._matrix.duplicate(copy=True)
         from signorini_fx.algebra.linalg.blocks import with_added
@@ -79,9 +86,12 @@ class ContactTangent:
         return with_added(self._matrix, added)
 
     def insert(self, matrix: PETSc.Mat, blocks: Array) -> bool:
-        """Put A + B^T D B into a matrix that ``create`` made, or a copy of A, if it is not there;
-        D: stress per length, shape (n, d, d); whether it is that of the last factorisation;
-        collective.
+        """Set a matrix to A + B^T D B, if it is not yet, and return whether it is that of the last
+        factorisation; collective.
+
+        Args:
+            matrix: from ``create``, or a copy of A.
+            blocks: D, stress per length, shape (n, d, d).
         """
         points = self._contact.points
         earlier_blocks = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
@@ -113,20 +123,23 @@ class RegularisedProblem:
 
     For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
 
-    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones
+    ``sets`` are those of the last linear solve.  Evaluating the residual finds the next ones
     (``next``) without changing ``sets``, so that SNES may evaluate it any number of times;
     assembling the Jacobian makes the next sets current.
 
     Attributes:
-        tangent: what inserts tangents of contact into Jacobians.
-        groups: which contact points are judged together.
-        springs: at all contact points, beside contact: stress per length, and the relative
-            displacement (tau_N y, tau_T y) at which they are without stress, length, shape (n, d);
-            None: there are none.
+        system: the elastic system.
+        points: the contact points.
+        tangent: inserts tangents of contact into Jacobians.
+        groups: groups of contact points that are judged together.
+        springs: springs at all contact points in addition to contact: stiffness, stress per length,
+            and the relative displacement (tau_N y, tau_T y) at which they are free of stress,
+            length, shape (n, d); None: there are none.
         data: the data that outer algorithms change.
         affine: whether the residual is affine for fixed sets and directions, so that repeated sets
-            mean a solution, and sets that come back mean a cycle: not in 3D, where the direction of
-            slip changes, nor where a friction bound follows the pressure along a curve.
+            mean a solution, and sets that come back mean a cycle.  It is not in 3D with friction,
+            where the direction of slip changes, nor where a friction bound is a nonlinear function
+            of pressure or slip.
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
         force_scale: size of the forces on the unknowns that are not prescribed, in the last
@@ -153,10 +166,12 @@ class RegularisedProblem:
         )
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
-        """Begin a new problem.
+        """Start a new problem.
 
-        ``first_sets``: of the first linear solve, None: from the iterate and the sets of the
-            previous problem.
+        Args:
+            data: its data.
+            first_sets: active sets of the first linear solve; None: from the iterate and the sets
+                of the previous problem.
         """
         self.data = data
         curved = data.follows is not None and not data.follows.affine
@@ -176,7 +191,7 @@ class RegularisedProblem:
             self.next = NextSets(first, first)
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Array, Array]:
-        """(lambda, mu) at the contact points for given sets."""
+        """Return (lambda, mu) at the contact points for given sets."""
         traces = self.system.contact.traces(x)
         return multipliers(sets, *traces, self.data.at(traces))
 
@@ -189,7 +204,7 @@ class RegularisedProblem:
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """The residual with the sets that follow from x."""
+        """Evaluate the residual at x into f with the active sets that follow from x."""
         u_n, u_t = self.system.contact.traces(x)
         self.data = self.data.at((u_n, u_t))
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
@@ -205,7 +220,7 @@ class RegularisedProblem:
         self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 
     def imbalance(self, x: PETSc.Vec, pressure: Array, shear: Array, f: PETSc.Vec) -> None:
-        """R(x) for given (lambda, mu); collective."""
+        """Evaluate R(x) into f for given (lambda, mu); collective."""
         if self.springs is not None or self.data.bond is not None:
             traces = self.system.contact.traces(x)
             pulled = np.zeros(self.points.movable.shape[:2])
@@ -232,14 +247,16 @@ class RegularisedProblem:
     def assemble_jacobian(
         self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat | None = None
     ) -> None:
-        """The Jacobian with the sets of the last residual, which become the current ones."""
+        """Assemble the Jacobian with the sets of the last residual, which become the
+        current ones.
+        """
         self.sets = self.next.sets
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is not changed.
         self.insert(jacobian, tangent(self.sets, self.data))
 
     def insert(self, jacobian: PETSc.Mat, blocks: Array) -> None:
-        """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
+        """Set a Jacobian to A + B^T D B; D has shape (n, d, d), stress per length.  Collective."""
         if self.springs is not None:
             blocks = blocks + self.springs[0] * np.eye(blocks.shape[1])
         self.unchanged = self.tangent.insert(jacobian, blocks)
@@ -249,12 +266,12 @@ class RegularisedProblem:
             jacobian.setOption(PETSc.Mat.Option.SPD, True)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
-        """Note that the current Jacobian is factorised."""
+        """Record that the current Jacobian is factorised."""
         self.tangent.factorised[jacobian.handle] = self.tangent.inserted[jacobian.handle]
 
     def law_residual(self, x: PETSc.Vec) -> float:
-        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear
-        that the body feels, of each group of points its own; collective.
+        """Return the largest distance of mu from the projection (3.4), relative to the largest
+        bound or shear that acts on the body in its group of points; collective.
         """
         bound, _ = self.friction_bounds(x)
         pressure, shear = self.multipliers(x, self.sets)
@@ -274,9 +291,11 @@ class RegularisedProblem:
         return float(quotient(away, size, otherwise=away).max())
 
     def scales(self, sizes: Array, x: PETSc.Vec) -> Array:
-        """Return what tractions of each group are judged by, see ``PointGroups.scales``: of several
-        groups no less than what the penalty makes of the round-off of displacements, stress, shape
-        (groups,); collective.
+        """Return the scales of tractions in each group, stress, shape (groups,), see
+        ``PointGroups.scales``; collective.
+
+        With several groups they are no less than the tractions that the penalty makes of round-off
+        of displacements.
         """
         scales = self.groups.scales(sizes)
         if self.groups.count == 1:
@@ -288,15 +307,15 @@ class RegularisedProblem:
 
     @property
     def bonds_alone(self) -> bool:
-        """Whether nothing is in contact but what cannot open, and this holds all bodies: none is
-        loose; collective.
+        """Whether only points that cannot open are in contact, and these hold all bodies;
+        collective.
         """
         opens = self.sets.contact & ~self.data.bilateral
         return not parallel.any_rank(self.points.comm, opens) and self.holds(self.sets, self.data)
 
     def round_off(self, x: PETSc.Vec) -> Array:
-        """Return what the penalty makes of the round-off of displacements, a stress at each point,
-        shape (n,); collective.
+        """Return the tractions that the penalty makes of round-off of displacements, stress, shape
+        (n,); collective.
         """
         unsigned = x.copy()
         unsigned.abs()
@@ -304,7 +323,7 @@ class RegularisedProblem:
         return NO_FORCE * max(self.data.gamma_n, self.data.gamma_t) * terms
 
     def least_share(self, x: PETSc.Vec) -> float:
-        """Return the tractions of the group with the smallest ones as a share of the largest;
+        """Return the tractions of the group with the smallest ones relative to the largest;
         collective.
         """
         if self.groups.count == 1:
@@ -315,7 +334,7 @@ class RegularisedProblem:
 
     @cached_property
     def _unsigned(self) -> ContactMap:
-        """|B|: times magnitudes of unknowns, what relative displacements are added up of."""
+        """|B|, which gives the magnitudes of the terms in the sums of relative displacements."""
         operator = self.system.contact.operator.copy()
         starts, columns, values = operator.getValuesCSR()
         operator.setValuesCSR(starts, columns, np.abs(values))
@@ -323,8 +342,8 @@ class RegularisedProblem:
         return replace(self.system.contact, operator=operator)
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
-        """Accept these sets as those of the solution if the residual is at most a share of the
-        forces; collective.
+        """Accept sets as those of the solution if the residual is at most ``tolerance`` times the
+        forces; return whether they are accepted.  Collective.
         """
         force = x.duplicate()
         self.imbalance(x, *self.multipliers(x, sets), force)
@@ -339,8 +358,8 @@ class RegularisedProblem:
         return holds(sets, data, self._motions)
 
     def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
-        """Return whether the round-off of the penalty is above a share of the forces in the last
-        residual; collective.
+        """Return whether round-off of the penalty exceeds ``tolerance`` times the forces in the
+        last residual; collective.
         """
         data = self.data
         u_n, u_t = self.system.contact.traces(x)
@@ -355,7 +374,7 @@ class RegularisedProblem:
         return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
-        """Return a matrix for the Jacobian, so far A; collective."""
+        """Return a matrix for the Jacobian, at first equal to A; collective."""
         jacobian = self.tangent.create()
         if symmetric and self.system.definite:
             self._definite.add(jacobian.handle)
@@ -364,9 +383,8 @@ class RegularisedProblem:
     def _hold(
         self, trial: ActiveSets, u_t: Array, multipliers: Callable[[], tuple[Array, Array]]
     ) -> None:
-        """Choose next sets that hold the body, or note that it moves away.
-
-        ``u_t``, ``multipliers``: see ``hold``.
+        """Set the next sets to sets that hold the body, or record that it moves away; arguments as
+        in ``hold``.
         """
         points = self.points
         motions = self._motions
@@ -393,7 +411,9 @@ class RegularisedProblem:
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _acting(self, forces: PETSc.Vec) -> float:
-        """Size of forces without those beside a prescribed row, and in it; collective."""
+        """Return the size of forces without those in prescribed rows and those due to prescribed
+        values; collective.
+        """
         free = forces.copy()
         if self._lifted is not None:
             free.axpy(-1.0, self._lifted)
@@ -401,8 +421,8 @@ class RegularisedProblem:
         return float(free.norm())
 
     def _least_traction(self, x: PETSc.Vec) -> float:
-        """Return what the penalty makes of a small share of the largest displacements of two
-        bodies, stress.
+        """Return the traction that the penalty makes of a negligible share of the largest
+        displacement of two bodies, stress.
         """
         # What is prescribed is none of a body that follows: a rigid body that is driven far would
         # be a scale of its friction.

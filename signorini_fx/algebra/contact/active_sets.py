@@ -1,14 +1,14 @@
 """Active sets at contact points: contact, stick and slip, and the multipliers and tangent for fixed
 sets.
 
-Which set a point is in follows from the iterate by (3.3b) and (3.3c), see ``complementarity``,
-whose arrays these are.
+The set of a point follows from the iterate by (3.3b) and (3.3c), see ``complementarity``, which
+also describes the arrays.
 
-A linear step with sets that would leave a rigid motion free has no solution although the problem
-may have one: the sets of an iterate are only a guess.  Statics decides first: if no admissible
-contact tractions could balance the load, nothing holds the body, and a status says so.  Otherwise
-some of the nodes that are about to be released are kept, half of them if that is enough, those that
-are closest to staying.
+A linear step with sets that leave a rigid motion free has no solution although the problem may have
+one, as the sets of an iterate are only a guess.  Statics decides first: if no admissible contact
+tractions could balance the load, nothing holds the body, and a status reports it.  Otherwise some
+of the nodes that are about to be released are kept, half of them if that is enough: those that are
+closest to staying.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class ActiveSets:
             A_f,+ and -1 on A_f,-.
         turning: k, stress per length: stiffness of the shear against slip perpendicular to its
             direction, shape (n,); without effect in 2D.
-        line: where a friction bound follows pressure and slip, its tangent at the iterate, see
-            ``PointFriction.line``; None: that of no pressure and no slip.
+        line: tangent of a friction bound that depends on pressure and slip, at the iterate, see
+            ``PointFriction.line``; None: the tangent at zero pressure and slip.
     """
 
     contact: Flags
@@ -58,22 +58,22 @@ class ActiveSets:
 
     @classmethod
     def of(cls, contact: Flags, direction: Array, turning: Array | None = None) -> ActiveSets:
-        """Return sets from the contact set and the directions, which are zero where the point
-        sticks.
+        """Return sets from the contact set and the directions, which are zero where points
+        stick.
         """
         slip = length(direction) > 0.5
         return cls(contact, slip, direction, np.zeros(slip.size) if turning is None else turning)
 
     @classmethod
     def all_in_contact(cls, points: int, tangents: int) -> ActiveSets:
-        """Contact and stick everywhere: the unconstrained dual problem with which section 7
+        """Return contact and stick everywhere: the unconstrained dual problem with which section 7
         starts.
         """
         return cls.of(np.ones(points, dtype=bool), np.zeros((points, tangents)))
 
     @property
     def side(self) -> npt.NDArray[np.int8]:
-        """+1 and -1 on A_f,+ and A_f,- of the plane, in 3D +1 on all of A_f; 0 on I_f, shape (n,).
+        """+1 and -1 on A_f,+ and A_f,- in 2D, +1 on all of A_f in 3D; 0 on I_f, shape (n,).
 
         In 3D a sign would depend on the choice of tangents.
         """
@@ -82,8 +82,8 @@ class ActiveSets:
 
     @property
     def turned(self) -> Array:
-        """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1);
-        zero at the others.
+        """Directions of slip at the points whose shear resists perpendicular slip, shape (n, d -
+        1); zero at the others.
         """
         return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
 
@@ -106,7 +106,9 @@ class ActiveSets:
         )
 
     def across(self, vectors: Array) -> Array:
-        """(I - e e^T) v, shape (n, d - 1); zero in 2D."""
+        """Return (I - e e^T) v, the part of vectors perpendicular to the direction, shape (n, d -
+        1); zero in 2D.
+        """
         return vectors - inner(self.direction, vectors)[:, None] * self.direction
 
 
@@ -114,7 +116,7 @@ def line_of_bound(sets: ActiveSets, data: RegularisedData) -> Evaluated:
     """Return the friction bound for fixed sets, affine in pressure and slip, see
     ``PointFriction.line``.
 
-    A point that is about to open has a negative pressure for one step, and then its bound may be
+    A point that is about to open has a negative pressure for one step, so its bound may be
     negative.
     """
     assert data.bound is not None
@@ -129,11 +131,11 @@ def line_of_bound(sets: ActiveSets, data: RegularisedData) -> Evaluated:
 def multipliers(
     sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData
 ) -> tuple[Array, Array]:
-    """(lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
+    """Return (lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
 
     lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2
-    tau_T y on I_f, and
-    F g e + k (I - e e^T)(tau_T y + mu_hat / gamma_2) on A_f; zero without friction.
+    tau_T y on I_f, and F g e + k (I - e e^T)(tau_T y + mu_hat / gamma_2) on A_f; zero without
+    friction.
     """
     pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
     if data.bound is None:
@@ -148,9 +150,10 @@ def multipliers(
 
 
 def sliding_shear(sets: ActiveSets, bound: Array, trial: Array, per: float = 1.0) -> Array:
-    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in
-    2D; zero on
-    I_f, where the bound may be infinite.
+    """Return F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is
+    zero in 2D.
+
+    The result is zero on I_f, where the bound may be infinite.
     """
     at_bound = np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
     return (
@@ -161,8 +164,8 @@ def sliding_shear(sets: ActiveSets, bound: Array, trial: Array, per: float = 1.0
 
 
 def slip_multiplier(sets: ActiveSets, mu: Array, u_t: Array, data: RegularisedData) -> Array:
-    """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f; length, shape (n, d -
-    1).
+    """Return xi of step 5, tau_T y + (mu_hat - mu) / gamma_2 on A_f and zero on I_f; length, shape
+    (n, d - 1).
     """
     return np.where(sets.slip[:, None], slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t, 0.0)
 
@@ -171,7 +174,7 @@ def next_sets(u_n: Array, u_t: Array, xi: Array, mu: Array, data: RegularisedDat
     """Return the active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
     A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose
-    bound is zero transmits no shear and belongs to the side to which it moves.
+    bound is zero transmits no shear and takes the direction of its motion.
     """
     trial = trial_pressure(u_n, data)
     contact = (trial > 0) | data.bilateral
@@ -203,12 +206,11 @@ def classify(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) ->
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
-    """Return the sets without stick where no shear can be transmitted: the bound, or the pressure
-    that it depends on, is zero.
+    """Return the sets with slip in place of stick where no shear can be transmitted, as the bound,
+    or the pressure that it depends on, is zero.
 
-    In 2D these points slip along the tangent, in 3D without a direction, because none is
-    distinguished.
-    Where the bound is infinite all stick.
+    In 2D these points slip along the tangent, in 3D without a direction, as none is distinguished.
+    Where the bound is infinite all points stick.
     """
     if data.bound is None:
         return sets
@@ -222,10 +224,11 @@ def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
 
 
 def tangent(sets: ActiveSets, data: RegularisedData) -> Array:
-    """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length,
-    shape (n, d, d).
+    """Return the derivative (1.5) of (lambda, mu) with respect to (tau_N y, tau_T y) for fixed
+    sets, stress per length, shape (n, d, d).
 
-    Symmetric unless the bound depends on the pressure; not definite where it falls with the slip.
+    It is symmetric unless the bound depends on the pressure, and indefinite where the bound
+    decreases with the slip.
     """
     count, tangents = sets.direction.shape
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
@@ -247,11 +250,11 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Array:
 
 
 def law_residual(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) -> Array:
-    """Return how far mu of these sets is from the projection (3.4) of the iterate, stress, shape
-    (n,).
+    """Return the distance of mu of these sets from the projection (3.4) of the iterate, stress,
+    shape (n,).
 
-    Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the
-    same.
+    It is zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay
+    the same.
     """
     pressure, mu = multipliers(sets, u_n, u_t, data)
     return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure, u_t)))
@@ -266,13 +269,18 @@ def hold(
     motions: FreeMotions,
     escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
-    """Sets near ``following`` that hold the body, the status if it moves away, and whether they
-    differ from ``following``; collective.
+    """Return sets near ``following`` that hold the body, the status if it moves away, and whether
+    the sets differ from ``following``; collective.
 
-    ``sets``: with which the iterate, with tau_T y = ``u_t``, was computed, whose ``multipliers``
-        are asked for.
-    ``escaping``: how the body moves away whatever the sets are, see ``statics.no_balance``, None:
-        it may stay.
+    Args:
+        following: the sets that follow from the iterate.
+        sets: the sets with which the iterate was computed.
+        u_t: tau_T y of the iterate.
+        multipliers: returns (lambda, mu) of the iterate.
+        data: the regularised problem.
+        motions: free rigid motions.
+        escaping: returns how the body moves away whatever the sets are, see ``statics.no_balance``;
+            None: it may stay.
     """
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
@@ -324,15 +332,15 @@ def hold(
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
-    """Return whether sets resist every rigid motion, in 3D also by slip in another direction;
-    collective.
+    """Return whether sets resist every rigid motion, in 3D also by the resistance of slipping
+    points to a change of direction; collective.
     """
     return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> Flags:
-    """Return which points resist tangential motion: those that stick, and those whose friction
-    grows with the slip.
+    """Return the points that resist tangential motion: those that stick, and those whose friction
+    increases with the slip.
     """
     if data.bound is None:
         return np.zeros_like(sets.contact)
@@ -340,7 +348,7 @@ def _stick(sets: ActiveSets, data: RegularisedData) -> Flags:
 
 
 def _ranked(points: ContactPoints, candidates: Flags, violation: Array) -> Ints:
-    """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the
+    """Return the rank of each candidate by its violation over all ranks of MPI, from 0; -1 for the
     other nodes.
     """
     # Position breaks ties: a uniform state would otherwise keep all of them or none.
@@ -357,14 +365,16 @@ def _count(points: ContactPoints, places: Ints) -> int:
 
 
 def _shares(count: int) -> list[float]:
-    """Half, three quarters, ... of the candidates, finally all but one; nothing if there is only
-    one.
+    """Return the shares of candidates to try: half, three quarters, ..., finally all but one; none
+    if there is only one candidate.
     """
     shares = [1 - 0.5**power for power in range(1, 64) if 0.5**power * count > 1]
     return [*shares, 1 - 1 / count] if count > 1 else []
 
 
 def _least(points: ContactPoints, places: Ints, share: float) -> Flags:
-    """Return the share of the candidates with the least violation, never all of them."""
+    """Return the given share of the candidates, those with the least violation, never all
+    of them.
+    """
     count = _count(points, places)
     return (places >= 0) & (places < min(round(share * count), count - 1))

@@ -1,11 +1,11 @@
-"""A bond at contact points that tears: its tractions by opening and slip, its damage, and their
-derivatives.  No finite elements.
+"""Bonds at contact points that soften and tear: tractions as functions of opening and slip, damage,
+and their derivatives.
 
 Arrays have one entry per point.  w is the penetration, negative where the bond has opened, s the
 slip since it was made.  The opening d = sqrt(min(w, 0)^2 + |s|^2) has a share B = |s|^2 / d^2 of
-shear; the bond softens from an opening ``first`` on, where the tractions reach the quadratic
-ellipse of both strengths, to ``last``, where it has taken the energy of Benzeggagh and Kenane.
-Contact and friction are beside it: its tractions pull where it has opened, and shear anywhere.
+shear.  The bond softens from an opening ``first``, where the tractions reach the quadratic ellipse
+of both strengths, to ``last``, where it has taken the energy of Benzeggagh and Kenane.  Contact and
+friction act in addition: the tractions of the bond pull where it has opened, and shear everywhere.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _SHARES = np.linspace(0.0, 1.0, 33)
 
 
 class _Opened(NamedTuple):
-    """How far bonds have opened along the normal, their slip, both together, and the share of
-    shear, shapes (n,), (n, d - 1), (n,) and (n,).
+    """The opening of bonds: along the normal, shape (n,); their slip, shape (n, d - 1); both
+    together, shape (n,); and the share of shear, shape (n,).
     """
 
     along: Array
@@ -33,8 +33,8 @@ class _Opened(NamedTuple):
 
 
 class _Limits(NamedTuple):
-    """Openings at which bonds begin to soften and have torn, and their derivatives by the share of
-    shear, shape (n,).
+    """Openings at which bonds begin to soften and are torn, and their derivatives with respect to
+    the share of shear, shape (n,) each.
     """
 
     first: Array
@@ -48,16 +48,16 @@ class Bond:
     """The bonds of n points from the beginning of a load step on.
 
     Attributes:
-        stiffness: k, stress per length, shape (n,), as all others.
+        stiffness: k, stress per length; this and all others but the last two of shape (n,).
         strength: t, against opening, stress.
         shear_strength: S, stress.
-        energy: G_I, that opening alone takes, stress times length.
-        shear_energy: G_II.
-        exponent: of the energy between both.
-        damage: at the beginning of the step; 1: there is no bond, or it has torn.
+        energy: G_I, energy for opening alone, stress times length.
+        shear_energy: G_II, energy for shear alone, stress times length.
+        exponent: of Benzeggagh and Kenane, for the energy between both.
+        damage: at the beginning of the step; 1: there is no bond, or it is torn.
         separation: the slip since the bond was made, at the beginning of the step, length, shape
             (n, d - 1).
-        position: the relative displacement at which the bond is without stress, length, shape (n,
+        position: the relative displacement at which the bond is free of stress, length, shape (n,
             d).
     """
 
@@ -73,29 +73,29 @@ class Bond:
 
     @property
     def symmetric(self) -> bool:
-        """Whether derivatives are: the points of this rank can only open, not shear, or both cost
-        the same.
+        """Whether the derivatives are symmetric: strengths and energies are equal for opening and
+        shear at all points with bonds on this rank.
         """
         same = self.energy == self.shear_energy
         same &= self.strength == self.shear_strength
         return bool((same | (self.damage >= 1.0)).all())
 
     def least_stiffness(self) -> Array:
-        """Return the stiffness that bonds must exceed to soften before they have torn, shape
-        (n,).
+        """Return the stiffness that bonds must exceed in order to soften before they are torn,
+        shape (n,).
         """
         unit = replace(self, stiffness=np.ones_like(self.stiffness))
         limits = [unit._limits(np.full_like(self.strength, share)) for share in _SHARES]
         return np.max([first / last for first, last, _, _ in limits], axis=0)
 
     def begun(self, gap: Array, slip_origin: Array) -> Bond:
-        """Return the bonds for displacements with this gap and this origin of the slip of the
-        step, lengths, shapes (n,) and (n, d - 1).
+        """Return the bonds for displacements with this gap, length, shape (n,), and this origin of
+        the slip in the step, length, shape (n, d - 1).
         """
         return replace(self, position=np.column_stack((gap, slip_origin - self.separation)))
 
     def at(self, along: Array, slip: Array) -> tuple[Array, Array]:
-        """Return (tau_N y, tau_T y) of a penetration and a slip since the bond was made."""
+        """Return (tau_N y, tau_T y) for a penetration and a slip since the bond was made."""
         return self.position[:, 0] + along, self.position[:, 1:] + slip
 
     def damaged(self, traces: tuple[Array, Array]) -> Array:
@@ -104,15 +104,22 @@ class Bond:
         return np.maximum(self.damage, self._wanted(opened, self._limits(opened.shear)))
 
     def tractions(self, traces: tuple[Array, Array]) -> Array:
-        """Return pressures, none of them positive, and shears, stress, shape (n, d)."""
+        """Return the pressures of the bonds, which are not positive, and their shears, stress,
+        shape (n, d).
+        """
         opened = self._opened(traces)
         holding = (1.0 - self.damaged(traces)) * self.stiffness
         return holding[:, None] * np.column_stack((-opened.along, opened.slip))
 
     def blocks(self, traces: tuple[Array, Array], theta: float = 1.0) -> Array:
-        """Return a mean of the derivative of the tractions, whose share is theta, and of secants,
-        which are definite, stress per length, shape (n, d, d); closed ones resist shear alone, as
-        contact does the rest.
+        """Return a weighted mean of tangent and secant of the tractions, stress per length, shape
+        (n, d, d).
+
+        Secants are definite.  Closed bonds resist shear only, as contact takes the pressure.
+
+        Args:
+            traces: (tau_N y, tau_T y).
+            theta: the weight of the tangent.
         """
         opened = self._opened(traces)
         count, tangents = opened.slip.shape
@@ -124,8 +131,8 @@ class Bond:
         return blocks - theta * pulled[:, :, None] * self.damage_by(traces)[:, None, :]
 
     def damage_by(self, traces: tuple[Array, Array]) -> Array:
-        """Return the derivative of the damage by the relative displacement, 1 / length, shape (n,
-        d); zero where it does not grow.
+        """Return the derivative of the damage with respect to the relative displacement, 1 /
+        length, shape (n, d); zero where it does not grow.
         """
         opened = self._opened(traces)
         along, slip, size, shear = opened
@@ -146,8 +153,8 @@ class Bond:
         return np.where(grows[:, None], slope, 0.0)
 
     def torn(self, traces: tuple[Array, Array]) -> Array:
-        """Return the energy that has torn bonds at the present share of shear, and what had torn
-        them before, stress times length, shape (n, 2).
+        """Return the energy dissipated by damage, and the part dissipated before this step, at the
+        present share of shear, stress times length, shape (n, 2).
         """
         first, last, _, _ = self._limits(self._opened(traces).shear)
         reached = np.column_stack((self.damaged(traces), self.damage))
@@ -158,14 +165,12 @@ class Bond:
         return taken
 
     def stored(self, traces: tuple[Array, Array]) -> Array:
-        """Return the energy that bonds give back if they are let go, stress times length, shape
-        (n,).
-        """
+        """Return the elastic energy stored in the bonds, stress times length, shape (n,)."""
         size = self._opened(traces).size
         return 0.5 * (1.0 - self.damaged(traces)) * self.stiffness * size**2
 
     def _opened(self, traces: tuple[Array, Array]) -> _Opened:
-        """Return how far bonds have opened and slipped."""
+        """Return opening and slip of the bonds."""
         along = np.maximum(self.position[:, 0] - traces[0], 0.0)
         slip = traces[1] - self.position[:, 1:]
         squared = inner(slip, slip)
@@ -174,7 +179,7 @@ class Bond:
         return _Opened(along, slip, size, shear)
 
     def _limits(self, shear: Array) -> _Limits:
-        """Return the openings between which bonds soften, for shares of shear."""
+        """Return the openings between which bonds soften, for given shares of shear."""
         k = self.stiffness
         opens, shears = self.strength**-2, self.shear_strength**-2
         ratio = (1.0 - shear) * opens + shear * shears
@@ -190,7 +195,7 @@ class Bond:
 
     @staticmethod
     def _wanted(opened: _Opened, limits: _Limits) -> Array:
-        """Return the damage of bonds that had none before, from 0 to 1."""
+        """Return the damage that the opening causes in undamaged bonds, from 0 to 1."""
         first, last, _, _ = limits
         size = np.maximum(opened.size, first)
         return np.clip(last * (size - first) / (size * (last - first)), 0.0, 1.0)

@@ -1,10 +1,9 @@
-"""The pointwise contact and friction conditions in d dimensions, (3.2) to (3.4).  No finite
-elements.
+"""The pointwise contact and friction conditions in d dimensions, (3.2) to (3.4).
 
 Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components
 in the tangent plane of its point, shape (n, d - 1): one in 2D, two in 3D.  Pressures and shears are
-stresses, lambda and mu of the
-paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T acts against tau_T y.
+stresses, lambda and mu of the paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T
+acts against tau_T y.
 
 The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an
 interval, a direction is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping
@@ -17,8 +16,9 @@ with e and k of the previous iterate: the projection (3.4) with its derivative t
 gamma_2 s (the dual form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler,
 Wohlmuth, SIAM J. Sci. Comput. 30 (2008) 572-596, for the disc).  In R^1 the second term vanishes.
 
-The data (3.2), the contact condition (3.3b), the friction condition (3.3c) and the projection (3.4)
-stand here; which sets follow from them, and the derivatives for fixed sets, in ``active_sets``.
+This module has the data (3.2), the contact condition (3.3b), the friction condition (3.3c) and the
+projection (3.4); the sets that follow from them, and the derivatives for fixed sets, are in
+``active_sets``.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RegularisedData:
-    """The data of the regularised problem (P_gamma) on the contact points: the only data that outer
-    algorithms change.
+    """The data of the regularised problem (P_gamma) at the contact points; outer algorithms change
+    nothing else.
 
     Attributes:
         gap: d, length, shape (n,).
@@ -50,20 +50,21 @@ class RegularisedData:
             iterate before it slips the other way.
         lambda_hat: shift of the contact pressure, stress, shape (n,).
         mu_hat: shift of the shear, stress, shape (n, d - 1).
-        bound: given friction bound F g, stress, shape (n,); None if there is no friction.
+        bound: given friction bound F g, stress, shape (n,); None without friction.
         bilateral: points whose contact cannot open, shape (n,).
-        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no
-            pressure acts there, because the supports take whatever it would be.
-        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper
-            is total, with origin zero; with load steps it acts on the increment, with mu_hat the
+        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,); no
+            pressure acts there, as supports would take it.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1).  The law of the paper
+            is total, with origin zero; with load steps it acts on the increment, and mu_hat is the
             shear of the previous step.
-        follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the
-            bound (monolithic Coulomb friction), and ``bound`` its part without pressure; None where
-            the bound is given.
-        share: of gamma_1, the stiffness of soft contact, shape (n,); None: gamma_1 holds.
-        bond: what else holds points together; None: nothing.
-        broken: the share of the friction bound that acts, that of the bond that is broken, shape
-            (n,); None: all of it.
+        follows: the friction law whose bound at the pressure lambda(y) of the iterate is used
+            (monolithic Coulomb friction); ``bound`` is then its part without pressure.  None: the
+            bound is given.
+        share: stiffness of soft contact as a share of gamma_1, shape (n,); None: gamma_1
+            everywhere.
+        bond: the bonds that hold points together; None: there are none.
+        broken: share of the friction bound that acts, equal to the damage of the bond, shape (n,);
+            None: all of it.
     """
 
     gap: Array
@@ -92,10 +93,16 @@ class RegularisedData:
         bilateral: Flags,
         immovable: Flags,
     ) -> RegularisedData:
-        """Return the problem without shifts, for points with so many tangents, with the given part
-        of the friction bound.
+        """Return the problem without shifts, with the given part of the friction bound.
 
-        ``natural_gamma``: the unit of gamma where it is automatic, stress per length.
+        Args:
+            gap: d, length, shape (n,).
+            tangents: number of tangents at a point, d - 1.
+            settings: gives the gammas and sigma.
+            natural_gamma: the unit of gamma where it is automatic, stress per length.
+            law: the friction law; None: without friction.
+            bilateral: points whose contact cannot open, shape (n,).
+            immovable: points that cannot move along their normal, shape (n,).
         """
         automatic = AUTOMATIC_GAMMA * natural_gamma
         return cls(
@@ -113,17 +120,19 @@ class RegularisedData:
 
     @property
     def stiffness(self) -> Array | float:
-        """gamma_1, or that of soft contact, stress per length, shape (n,)."""
+        """The stiffness of contact, gamma_1 or that of soft contact, stress per length; shape (n,)
+        if it varies.
+        """
         return self.gamma_n if self.share is None else self.gamma_n * self.share
 
     def softer(self, stiffness: float) -> RegularisedData:
-        """Return the data with neither gamma above this stiffness, stress per length."""
+        """Return the data with both gammas limited to a stiffness, stress per length."""
         gamma_n = min(self.gamma_n, stiffness)
         share = None if self.share is None else np.minimum(self.stiffness, stiffness) / gamma_n
         return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), share=share)
 
     def friction_bound(self, pressure: Array, u_t: Array) -> Array:
-        """Return the bound of |mu| at the contact pressure lambda and the displacement tau_T y,
+        """Return the bound of |mu| for a contact pressure lambda and a displacement tau_T y,
         stress, shape (n,); zero without friction.
         """
         if self.bound is None:
@@ -134,11 +143,13 @@ class RegularisedData:
         return self.acting(self.follows.evaluate(pushing, length(slip_of(u_t, self)))[0])
 
     def at(self, traces: tuple[Array, Array]) -> RegularisedData:
-        """Return the data with what of bonds is broken at displacements (tau_N y, tau_T y)."""
+        """Return the data with the damage of bonds at displacements (tau_N y, tau_T y)."""
         return self if self.bond is None else replace(self, broken=self.bond.damaged(traces))
 
     def acting(self, bound: Array) -> Array:
-        """Return what acts of a friction bound, or of its derivative, shape (n,)."""
+        """Return the part of a friction bound, or of its derivative, that acts beside the bonds,
+        shape (n,).
+        """
         return bound if self.broken is None else self.broken * bound
 
 
@@ -148,24 +159,24 @@ def slip_of(u_t: Array, data: RegularisedData) -> Array:
 
 
 def trial_pressure(u_n: Array, data: RegularisedData) -> Array:
-    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable
-    points.
+    """Return lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at
+    immovable points.
     """
     trial = data.lambda_hat + data.stiffness * (u_n - data.gap)
     return np.where(data.immovable, 0.0, trial)
 
 
 def trial_shear(u_t: Array, data: RegularisedData) -> Array:
-    """mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
+    """Return mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
     return data.mu_hat + data.gamma_t * slip_of(u_t, data)
 
 
 def slips(xi: Array, mu: Array, bound: Array, data: RegularisedData) -> Flags:
-    """Return at which points the friction condition (3.3c) lets slip: |mu + xi / sigma| > F g,
-    shape (n,).
+    """Return the points that slip by the friction condition (3.3c), |mu + xi / sigma| > F g, shape
+    (n,).
 
-    The slip multiplier xi, length, is zero at the others.  With sigma infinite mu decides, and xi
-    where mu is at its bound.
+    The slip multiplier xi, length, is zero at the others.  With infinite sigma the sign of |mu| - F
+    g decides, and mu . xi where mu is at its bound.
     """
     size = length(mu)
     over = size - bound
@@ -181,8 +192,8 @@ def slips(xi: Array, mu: Array, bound: Array, data: RegularisedData) -> Flags:
 
 
 def onto_disc(shear: Array, bound: Array) -> Array:
-    """Return the projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound
-    may be infinite.
+    """Return the projection of (3.4): the shear where |mu| <= F g, otherwise F g mu / |mu|; the
+    bound may be infinite.
     """
     beyond = length(shear) > bound
     return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)
@@ -191,8 +202,8 @@ def onto_disc(shear: Array, bound: Array) -> Array:
 def project(
     pressure: Array, shear: Array, u_t: Array, data: RegularisedData
 ) -> tuple[Array, Array]:
-    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update
-    of inexact ALM.
+    """Return (lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the
+    update of inexact ALM.
     """
     pressure = np.where(data.bilateral, pressure, np.maximum(pressure, 0.0))
     return pressure, onto_disc(shear, data.friction_bound(pressure, u_t))

@@ -2,11 +2,11 @@
 contact points.
 
 Its rows are the components of the relative displacement in the frame (n, T) of each point, d rows
-per point with the normal one first; its columns are the unknowns of the system that it belongs to.
-It expresses all effects of contact on a system: traces ``B x``, forces ``B^T (w t)`` and the
-tangent ``A + B^T D B`` with a block D of shape (d, d) per point. With the nodal rule of a rigid
-foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a condensed
-system, or one with turned unknowns, has the product of B with its own change of unknowns.
+per point with the normal one first; its columns are the unknowns of its system.  It expresses all
+effects of contact on a system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B``
+with a block D of shape (d, d) per point.  With the nodal rule of a rigid foundation B selects and
+rotates, on quadratic tetrahedra it averages and rotates; a condensed system, or one with rotated
+unknowns, has the product of B with its change of unknowns.
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ class ContactMap:
 
     Attributes:
         operator: B, d rows for each of the n contact points of this rank.
+        points: the contact points.
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
-        lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for
-            multigrid; None: contact is with a rigid foundation, or no such unknowns are known, or a
-            condensed system has no need of it.
-        paired: whether points are those of two bodies, or of rigid ones that move, so that B takes
-            differences of displacements.
-        elsewhere: relative displacements of points that have no unknowns here, zero at the others,
+        lift: S with B S = 1, from relative displacements to unknowns of one of two bodies, for
+            multigrid; None: contact with a rigid foundation, no such unknowns, or a condensed
+            system.
+        paired: whether points are those of two bodies, or of rigid bodies that move, so that B
+            takes differences of displacements.
+        elsewhere: relative displacements of points without unknowns here, zero at the others,
             length, shape (n, d); None: there are none.
     """
 
@@ -46,7 +47,7 @@ class ContactMap:
     elsewhere: Array | None = None
 
     def traces(self, x: PETSc.Vec) -> tuple[Array, Array]:
-        """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
+        """Return (tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
         self.operator.mult(x, self._relative)
         relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
         if self.elsewhere is not None:
@@ -54,7 +55,7 @@ class ContactMap:
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
     def add_forces(self, pressure: Array, shear: Array, force: PETSc.Vec) -> None:
-        """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out;
+        """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, except at prescribed unknowns;
         collective.
         """
         traction = self._relative.getArray().reshape(-1, self.points.dimension)
@@ -67,7 +68,7 @@ class ContactMap:
 
     @property
     def touched(self) -> Flags:
-        """Which unknowns of this rank contact can act on; collective."""
+        """The unknowns of this rank on which contact can act; collective."""
         _, columns, values = self.operator.getValuesCSR()
         mark = self.operator.createVecRight()
         mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
@@ -82,8 +83,8 @@ class ContactMap:
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: Integers) -> ContactMap:
-        """Return the map of a system that has some of the unknowns only, by their local numbers on
-        this rank; collective.
+        """Return the map of a system with only these unknowns, given by local numbers;
+        collective.
         """
         rows = np.arange(*self.operator.getOwnershipRange())
         sets = [
@@ -94,8 +95,8 @@ class ContactMap:
         return replace(self, operator=operator, fixed=self.fixed[unknowns], lift=None)
 
     def near(self, far: Flags, x: PETSc.Vec) -> ContactMap:
-        """Return the map without the rows of points that are ``far``, which stay where ``x`` tells;
-        one rank.
+        """Return the map without the rows of ``far`` points, which stay at their displacements for
+        ``x``; one rank only.
         """
         dim = self.points.dimension
         starts, columns, values = self.operator.getValuesCSR()
@@ -107,10 +108,12 @@ class ContactMap:
         return replace(self, operator=operator, elsewhere=elsewhere)
 
     def law(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """Return the matrix with a block of shape (d, d) for each point on its diagonal;
+        """Return the block-diagonal matrix D with one block of shape (d, d) for each point;
         collective.
 
-        ``into``: an earlier one, which is filled again.
+        Args:
+            blocks: shape (n, d, d).
+            into: an earlier matrix to fill again; None: a new one is made.
         """
         first = self.operator.getOwnershipRange()[0]
         rows = self.operator.getSizes()[0]
@@ -128,9 +131,10 @@ class ContactMap:
 
     @cached_property
     def products(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
-        """B without what is prescribed, and room for D, D B and B^T D B; collective.  By two
-        products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic
-        time.
+        """B without prescribed unknowns, and matrices to hold D, D B and B^T D B; collective.
+
+        Two products are used: where rigid bodies move, B has dense columns, with which ``ptap``
+        takes quadratic time.
         """
         free = self.operator.createVecRight()
         operator = self.operator.copy()
@@ -141,7 +145,7 @@ class ContactMap:
         return operator, blocks, half, operator.transposeMatMult(half)
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Return a copy of the matrix with room for B^T D B; collective."""
+        """Return a copy of the matrix with room for the entries of B^T D B; collective."""
         wider = matrix.copy()
         room = self.products[-1]
         room.zeroEntries()  # it has what the last tangent has left
@@ -149,9 +153,10 @@ class ContactMap:
         return wider
 
     def stiffness(self, diagonal: PETSc.Vec) -> Array:
-        """Return what a relative displacement meets at each point if only the diagonal of A
-        resists: 1 / (w B diag(A)^-1 B^T), the stiffest component that is not prescribed, stress per
-        length, shape (n,); collective.
+        """Return the stiffness at each contact point if only the diagonal of A resists; collective.
+
+        It is 1 / (w B diag(A)^-1 B^T) for the stiffest component that is not prescribed, stress per
+        length, shape (n,).
         """
         scale = diagonal.copy()
         scale.reciprocal()
@@ -170,9 +175,10 @@ class ContactMap:
         return 1.0 / (self.points.weight * least)
 
     def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
-        """Return the stiffness of the stiffest contact point, times the share of its side in that
-        of the contact boundary: of a uniform body its modulus over its size, stress per length;
-        collective.
+        """Return the stiffness of the stiffest contact point, scaled by the share of its side in
+        that of the contact boundary, stress per length; collective.
+
+        For a uniform body it is about its modulus over its size.
 
         Args:
             diagonal: of A.

@@ -1,9 +1,8 @@
-"""Friction at the contact points: the bound of the shear as a function of pressure and slip.  No
-finite elements.
+"""Friction at the contact points: the bound of the shear as a function of pressure and slip.
 
-Statics needs sets of tractions that are convex and have a closed form.  So the friction of n points
-is first of all an envelope, min(g + F lambda, c), which no bound exceeds and most are equal to; a
-law whose bound is less adds it at its points.
+Statics needs convex sets of tractions in closed form.  So the friction of n points is described by
+an envelope, min(g + F lambda, c), which no bound exceeds and which most laws equal; a law with a
+smaller bound is added at its points.
 """
 
 from __future__ import annotations
@@ -21,22 +20,22 @@ Evaluated = tuple[Array, Array, Array]  # a bound, stress; its derivatives by pr
 
 
 class FrictionBound(Protocol):
-    """The bound of a friction law at m points; ``laws.protocol.FrictionLaw`` is one."""
+    """The bound of a friction law at m points, as of ``laws.protocol.FrictionLaw``."""
 
     follows_slip: ClassVar[bool]
 
     def evaluate(
         self, pressure: Array, slip: Array, dt: float
     ) -> tuple[Array, Array | float, Array | float]:
-        """Return the largest shear and its derivatives, see ``PointFriction.evaluate``."""
+        """Return the bound of the shear and its derivatives, see ``PointFriction.evaluate``."""
 
     def at(self, points: Ints) -> FrictionBound:
-        """Return the law at some of the points, by their numbers."""
+        """Return the law at some of the points, given by their numbers."""
 
 
 def envelope_at(given: Array, coefficient: Array, cap: Array | None, pressure: Array) -> Evaluated:
-    """Return min(given + coefficient lambda, cap) and its derivatives at pressures that are not
-    negative; arrays of shape (n,).
+    """Return min(given + coefficient lambda, cap) and its derivatives at non-negative pressures;
+    arrays of shape (n,).
     """
     bound = given + coefficient * pressure
     by_pressure = np.broadcast_to(coefficient, bound.shape).copy()
@@ -48,10 +47,12 @@ def envelope_at(given: Array, coefficient: Array, cap: Array | None, pressure: A
 
 @dataclass(frozen=True)
 class LawAtPoints:
-    """A law at m points, by their numbers, that is not its envelope.
+    """A friction law at m points whose bound is smaller than the envelope.
 
     Attributes:
-        unknown: what is not known of it, in words.
+        law: the law.
+        points: numbers of the points, shape (m,).
+        unknown: message about what statics cannot know of it.
     """
 
     law: FrictionBound
@@ -61,8 +62,8 @@ class LawAtPoints:
 
 @dataclass(frozen=True)
 class PointFriction:
-    """The friction of n contact points: |mu| <= min(given + coefficient lambda, cap), or less where
-    a law says so.
+    """The friction of n contact points: |mu| <= min(given + coefficient lambda, cap), or a smaller
+    bound where a law has one.
 
     Attributes:
         given: Tresca's g, stress, shape (n,); zero at other points.
@@ -70,10 +71,10 @@ class PointFriction:
         cap: largest bound, stress, shape (n,); None: unlimited.
         ends_open: points whose bound is zero where there is no pressure, shape (n,); None: there
             are none.
-        laws: those whose bound is less than this envelope, the same on all ranks.
-        dt: duration of the slip, for laws that follow its speed, time; 0: nothing slips.
-        pressure: at which the bound is taken whatever the pressure is, stress, shape (n,), not
-            negative; None: the pressure decides.
+        laws: laws with a smaller bound than this envelope, the same on all ranks.
+        dt: duration of the slip, for laws that depend on its speed, time; 0: nothing slips.
+        pressure: a fixed pressure at which the bound is evaluated, stress, shape (n,), not
+            negative; None: the present pressure.
     """
 
     given: Array
@@ -86,7 +87,7 @@ class PointFriction:
 
     def evaluate(self, pressure: Array, slip: Array | float) -> Evaluated:
         """Return the bound of the shear at the n points, F g with g = lambda at Coulomb points
-        (6.1), and its derivatives by pressure and by slip.
+        (6.1), and its derivatives with respect to pressure and slip.
 
         Args:
             pressure: stress, shape (n,); negative only where contact is bilateral, where its
@@ -94,7 +95,7 @@ class PointFriction:
             slip: length of the slip of the load step, not negative, shape (n,).
 
         Returns:
-            bound, stress; d/dpressure, without unit, at zero that towards larger pressures;
+            bound, stress; d/dpressure, dimensionless, at zero towards larger pressures;
             d/dslip, stress per length; all of shape (n,).
         """
         if self.pressure is not None:
@@ -117,14 +118,12 @@ class PointFriction:
 
     @property
     def unknown(self) -> str:
-        """Why the envelope is not the bound, in words; "": it is, at every point that is
-        pressed.
-        """
+        """Message why the envelope is not the bound; "" if it is, at every point with pressure."""
         return self.laws[0].unknown if self.laws else ""
 
     @property
     def affine(self) -> bool:
-        """Whether the bound is given + coefficient lambda."""
+        """Whether the bound is given + coefficient lambda, without cap."""
         return self.cap is None and self.ends_open is None and not self.laws
 
     @cached_property
@@ -143,8 +142,8 @@ class PointFriction:
         return (self.given > 0) | (self.coefficient > 0)
 
     def without_pressure(self, where: Flags) -> PointFriction:
-        """Return the law for points of which some have no pressure, shape (n,): there the bound is
-        that of zero pressure.
+        """Return the law for some points, shape (n,), without pressure: there the bound is that of
+        zero pressure.
         """
         given = np.where(where, self.evaluate(np.zeros_like(self.given), 0.0)[0], self.given)
         return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
@@ -161,8 +160,8 @@ class PointFriction:
         return replace(self, given=given, coefficient=coefficient, laws=tuple(laws))
 
     def forces(self, weight: Array) -> PointFriction:
-        """Return the envelope, which no bound exceeds, with forces for stresses at points with such
-        weights, shape (n,).
+        """Return the envelope, which no bound exceeds, in forces in place of stresses, for weights
+        of shape (n,).
         """
         return PointFriction(
             weight * self.given, self.coefficient, None if self.cap is None else weight * self.cap
@@ -179,13 +178,13 @@ class PointFriction:
         """Return the tangent of the bound, at_zero + by_pressure lambda + by_slip s.
 
         Args:
-            pressure: where it touches, stress, shape (n,); a negative one counts as zero but where
-                contact cannot open.
+            pressure: where it touches, stress, shape (n,); a negative one counts as zero except
+                where contact cannot open.
             bilateral: where contact cannot open, shape (n,).
             slip: where it touches, length, shape (n,).
             along: s there, the part of the slip along the direction of the shear, length, shape
                 (n,).
-            careful: whether by_slip is at least that of the chord from no slip to this one.
+            careful: whether by_slip is at least the slope of the chord from no slip to this one.
 
         Returns:
             at_zero, stress; by_pressure; by_slip, stress per length; all of shape (n,).
@@ -205,6 +204,6 @@ class PointFriction:
 
 
 def as_given(bound: npt.ArrayLike) -> PointFriction:
-    """Friction whose bound is given."""
+    """Return friction with a given bound, independent of the pressure."""
     values = np.asarray(bound, dtype=np.float64)
     return PointFriction(values, np.zeros_like(values))

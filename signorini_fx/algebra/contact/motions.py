@@ -1,13 +1,13 @@
-"""The rigid motions that supports leave free, at the contact points: all that statics needs to know
-of a body.
+"""The rigid motions that supports leave free, at the contact points; statics needs nothing else of
+a body.
 
 They are the columns of B times the motions.  Several bodies, or pieces of one that can move apart,
-are assemblies: a motion moves one of them only, and a contact point belongs to one of them.
+form assemblies: a motion moves one of them only, and a contact point belongs to one of them.
 
-Displacements are counted from where the rigid body comes to rest on its foundation.  If a body
-first drops by a millimetre and is then deformed by a nanometre, its contact forces would be
-differences of numbers that agree in six digits; from that place displacements and gaps are as small
-as the deformation, and so is their round-off.
+Displacements are counted from the position at which the rigid body comes to rest on its foundation.
+If a body first drops by a millimetre and is then deformed by a nanometre, its contact forces would
+be differences of numbers that agree in six digits.  From that position displacements and gaps are
+as small as the deformation, and so is their round-off.
 """
 
 from __future__ import annotations
@@ -33,9 +33,12 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class RigidLoad:
-    """A load on the free rigid motions: its work on each, forces, shape (k,), the sum of the
-    magnitudes of the nodal forces on the assembly that each motion moves, shape (k,), and the
-    number of that assembly.
+    """A load on the free rigid motions, k of them.
+
+    Attributes:
+        work: work of the load on each motion, forces, shape (k,).
+        size: sum of the magnitudes of the nodal forces on the assembly of each motion, shape (k,).
+        assembly: number of the assembly that each motion moves, shape (k,).
     """
 
     work: Array
@@ -44,9 +47,10 @@ class RigidLoad:
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Array:
-    """Return the work of loads times their factors on the free motions, shape (k,); zero for an
-    assembly whose loads balance each other to round-off. This is the only place that decides
-    whether a load acts on a rigid body.
+    """Return the work of loads times their factors on the free motions, shape (k,).
+
+    It is zero for an assembly whose loads balance each other to round-off; this is the only place
+    that decides whether a load acts on a rigid body.
     """
     work = np.zeros(count)
     size = np.zeros(count)
@@ -69,8 +73,8 @@ class FreeMotions:
         relative: relative displacement of each motion in the frame (n, T) of each point, shape (n,
             d, k).
         assembly: number of the assembly that each motion moves, from 0, shape (k,).
-        of_point: number of the assembly that each point is in, shape (n,).
-        groups: which of the points are judged together.
+        of_point: number of the assembly of each point, shape (n,).
+        groups: groups of points that are judged together.
     """
 
     points: ContactPoints
@@ -91,12 +95,12 @@ class FreeMotions:
 
     @property
     def tangential(self) -> Array:
-        """The motions along its tangents, shape (n, d - 1, k)."""
+        """The motions along the tangents of each point, shape (n, d - 1, k)."""
         return self.relative[:, 1:]
 
     @cached_property
     def assemblies(self) -> list[tuple[int, Flags]]:
-        """The assemblies that can move: number, and which motions are theirs, shape (k,)."""
+        """The assemblies that can move: number, and a mask of their motions, shape (k,)."""
         return [(int(number), self.assembly == number) for number in np.unique(self.assembly)]
 
     def unheld(
@@ -105,9 +109,14 @@ class FreeMotions:
         stick: Flags,
         directions: Array | None = None,
     ) -> Flags:
-        """Return which assemblies have a motion that neither contact at ``normal`` points nor stick
-        at ``stick`` points resists, nor, perpendicular to it, slip in ``directions``, shape (n, d -
-        1), where these are not zero; shape (assemblies,); collective.
+        """Return which assemblies have a motion that contact does not resist, shape (assemblies,);
+        collective.
+
+        Args:
+            normal: points in contact, which resist motion along their normal, shape (n,).
+            stick: points that stick, which resist tangential motion, shape (n,).
+            directions: directions of slip, shape (n, d - 1), zero at points without slip; slipping
+                points resist motion perpendicular to them.  None: they do not.
         """
         # Those that this rank knows of, also if they cannot move.
         last = max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))
@@ -136,7 +145,9 @@ class FreeMotions:
     def untouched(self, numbers: Sequence[int], pressed: Flags) -> list[int]:
         """Return which of these assemblies have no contact point with tractions; collective.
 
-        ``pressed``: which points have, shape (n,).
+        Args:
+            numbers: of the assemblies.
+            pressed: points with tractions, shape (n,).
         """
         comm = self.points.comm
         of = self.of_point
@@ -144,12 +155,12 @@ class FreeMotions:
 
     @cached_property
     def _moved(self) -> Array:
-        """How much each motion moves the points of this rank, squared, shape (1, k)."""
+        """Squared size of each motion at the points of this rank, shape (1, k)."""
         return np.square(self.relative).sum(axis=(0, 1))[None]
 
     @property
     def none(self) -> FreeMotions:
-        """Return those of bodies of which something holds all."""
+        """The same points without any free motion, for bodies that are held."""
         return replace(self, relative=self.relative[:, :, :0], assembly=self.assembly[:0])
 
     def held_by(
@@ -158,17 +169,20 @@ class FreeMotions:
         stick: Flags,
         directions: Array | None = None,
     ) -> bool:
-        """Return whether points in contact, sticking, and slipping in another direction resist
-        every motion; collective.
-        """
+        """Return whether contact resists every motion; arguments as in ``unheld``.  Collective."""
         return not self.unheld(normal, stick, directions).any()
 
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """A rigid motion, coefficients of the free motions, lengths, shape (k,), and its components
-    tau_N y and tau_T y at the contact points; or another displacement from which others are
-    counted, ``displacement``, length, ghosts included, shape (dofs,).
+    """A rigid motion, or another displacement, from which displacements are counted.
+
+    Attributes:
+        motion: coefficients of the free motions, lengths, shape (k,).
+        u_n: its component tau_N y at the contact points, length, shape (n,).
+        u_t: its component tau_T y, length, shape (n, d - 1).
+        displacement: the displacement if it is no rigid motion, length, ghosts included, shape
+            (dofs,); None: it is rigid.
     """
 
     motion: Array
@@ -177,7 +191,7 @@ class ReferenceMotion:
     displacement: Array | None = None
 
     def data_from(self, data: RegularisedData) -> RegularisedData:
-        """Return the problem for displacements that are counted from this place."""
+        """Return the problem for displacements counted from this reference."""
         return replace(data, gap=data.gap - self.u_n, slip_origin=data.slip_origin - self.u_t)
 
 
@@ -187,12 +201,13 @@ def reference_motion(
     motions: FreeMotions,
     resultant: Array,
 ) -> ReferenceMotion | None:
-    """Return the place to which the load moves the rigid body; None if nothing stops it without
-    friction, or if supports hold it; collective.
+    """Return the rigid motion by which the load moves the body to its rest position; collective.
 
-    The work of the load is largest over the rigid motions that do not enter the foundation: a
-    linear programme with as many unknowns as motions that the contact resists.  Pieces that are not
-    joined come to rest separately.
+    Returns None if nothing stops the body without friction, or if supports hold it.
+
+    Among the rigid motions that do not penetrate the foundation it is the one with the largest work
+    of the load: a linear programme with as many unknowns as motions that the contact resists.
+    Pieces that are not joined come to rest separately.
     """
     if not motions.count:
         return None
@@ -222,8 +237,8 @@ def _rest_of(
     gap: Array,
     load: Array,
 ) -> Array | None:
-    """Return how far the free motions of one assembly go, lengths, shape (k,); None where nothing
-    stops it, or it rests.
+    """Return the coefficients of the free motions of one assembly at its rest position, lengths,
+    shape (k,); None if nothing stops it, or if it does not move.
     """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
     resisted = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
@@ -239,8 +254,8 @@ def _rest_of(
 
 
 def _furthest(rows: Array, gap: Array, work: Array) -> Array | None:
-    """Return the coefficients q with rows q <= gap for which work . q is largest; None where it has
-    no bound.
+    """Return the coefficients q with rows q <= gap for which work . q is largest; None if it is
+    unbounded.
     """
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])

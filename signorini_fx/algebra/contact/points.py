@@ -2,8 +2,8 @@
 move.
 
 All components are those of the frame (n, T) of each point, normal first, so that no coordinates are
-needed.  Points of one body are judged together, and those of different bodies apart: the forces on
-one body are no measure of whether the iteration has converged on another one.
+needed.  Points of the same body are judged together, those of different bodies separately: the
+forces on one body do not tell whether the iteration has converged on another one.
 """
 
 from __future__ import annotations
@@ -20,18 +20,23 @@ from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUT
 
 
 def pushed(depth: Array, size: float) -> Flags:
-    """Return where supports push the body of this size into its foundation by more than round-off,
-    shape (n,).
+    """Return where supports push the body into its foundation by more than round-off, shape (n,).
 
-    ``depth``: see ``PointState.held_inside``, length.
+    Args:
+        depth: see ``PointState.held_inside``, length, shape (n,).
+        size: of the body, length.
     """
     return depth > SAME_LENGTH * size
 
 
 @dataclass(frozen=True)
 class SharedNodes:
-    """Pairs of contact points at one node, each pair both ways round, shape (m,), and the normal of
-    the second one in the frame of the first one, shape (m, d).
+    """Pairs of contact points at the same node, m of them, each pair in both orders.
+
+    Attributes:
+        here: the first point, shape (m,).
+        beside: the second point, shape (m,).
+        normal: normal of the second point in the frame of the first one, shape (m, d).
     """
 
     here: Ints
@@ -46,10 +51,10 @@ class ContactPoints:
     Attributes:
         comm: the ranks that share the points.
         weight: w, the area (in 2D: length) that belongs to a point, shape (n,).
-        movable: orthogonal projector onto the directions in which something at the point can move,
-            in its frame, shape (n, d, d); the identity where nothing is prescribed.
-        x: position, length, shape (n, m): says which of several equal points comes first, alike on
-            any number of ranks.
+        movable: orthogonal projector onto the directions in which the point can move, in its frame,
+            shape (n, d, d); the identity where nothing is prescribed.
+        x: position, length, shape (n, m); it only breaks ties between equal points, independently
+            of the number of ranks.
         shared: points that share a node; None: there are none.
     """
 
@@ -79,17 +84,16 @@ class ContactPoints:
         """Points that cannot move along their normal because they are free only perpendicular to
         it, shape (n,).
 
-        Supports decide alone about their distance, and would take whatever contact did there: it
-        transmits no pressure.
+        Supports alone determine their gap and would take any pressure: they transmit none.
         """
         return np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS
 
     @cached_property
     def still(self) -> Array:
-        """Projections onto the tangential directions in which supports let a point not move, shape
-        (n, d - 1, d - 1).
+        """Projections onto the tangential directions in which supports hold a point, shape (n, d -
+        1, d - 1).
 
-        A shear along them does nothing to the body, so only the friction law says what it is.
+        A shear along them has no effect on the body, so only the friction law determines it.
         """
         return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
 
@@ -97,23 +101,27 @@ class ContactPoints:
         """Return points that supports move along their tangents, whatever the friction there, shape
         (n,).
 
-        ``slip``: what friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n,
-            d), lengths.
+        Args:
+            slip: the slip that friction opposes, length, shape (n, d - 1).
+            motion: (tau_N y, tau_T y), length, shape (n, d).
         """
         return length(matvec(self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
 
     def closed(self, contact: Flags, entered: Array) -> tuple[Array, Array]:
-        """``still`` and the direction that another contact of the same node closes, where one is
-        left to slip in.
+        """Return the tangential directions in which supports or another contact at the same node
+        hold a point.
 
-        A shear along it and the pressures of both have only a common effect.  The displacement
-        there is what the two have been entered by, tau_N y - d, which vanishes in the limit.
+        Another contact blocks one direction, if one is then left to slip in.  A shear along it and
+        the pressures of both contacts only have a common effect.  The displacement along it is due
+        to the penetrations of the two contacts, tau_N y - d, which vanish in the limit.
+
+        Args:
+            contact: points in contact, shape (n,).
+            entered: penetration tau_N y - d, length, shape (n,).
 
         Returns:
-            Projections onto the tangential directions in which a point does not move, ``still`` and
-            these, shape
-            (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``,
-            length, shape (n, d - 1).
+            Projections onto the blocked directions, shape (n, d - 1, d - 1), and the part of the
+            displacement along them that is due to ``entered``, length, shape (n, d - 1).
         """
         projections = self.still.copy()
         moved = np.zeros((self.size, self.dimension - 1))
@@ -136,16 +144,19 @@ class ContactPoints:
         )
 
     def norm(self, values: Array) -> float:
-        """Return the norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k);
+        """Return the norm in L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k);
         collective.
         """
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
     def felt(self, values: Array, beside: Array | None = None) -> Array:
-        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress,
-        shape (n,). What supports take does nothing to the body: it is no scale for other nodes.
-        Neither is what the other one of the two, ``beside``, undoes.
+        """Return the size of the part of a pressure (n,) or a shear (n, d - 1) that supports do not
+        take, stress, shape (n,).
+
+        The part that supports take has no effect on the body, so it is no scale for other nodes.
+        The same holds for the part that is cancelled by ``beside``, the shear at the same points
+        for a pressure and vice versa.
         """
         alone = self._felt(values)
         size = np.linalg.norm(alone, axis=1)
@@ -156,8 +167,8 @@ class ContactPoints:
         )
 
     def _felt(self, values: Array) -> Array:
-        """Return a pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape
-        (n, d).
+        """Return a pressure (n,) or a shear (n, d - 1) as vectors without the part that supports
+        take, shape (n, d).
         """
         if values.ndim == 1:
             return self.movable[:, :, 0] * values[:, None]
@@ -165,19 +176,22 @@ class ContactPoints:
 
 
 def onto_range(matrices: Array) -> Array:
-    """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
+    """Return orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k,
+    k).
+    """
     values, vectors = np.linalg.eigh(matrices)
     return np.einsum("nik,nk,njk->nij", vectors, np.where(values > ROOT_OF_EPS, 1.0, 0.0), vectors)
 
 
 @dataclass(frozen=True)
 class PointGroups:
-    """The contact points of this rank in groups that reach the same pieces of bodies, g groups, by
-    the number of the group of each point, shape (n,).
+    """The contact points of this rank in groups that reach the same pieces of bodies; methods are
+    collective.
 
     Attributes:
-        pieces: which pieces each group reaches, shape (g, p), the same on every rank; methods are
-            collective.
+        points: the contact points, n of them.
+        number: the number of the group of each point, shape (n,).
+        pieces: which of p pieces each of g groups reaches, shape (g, p), the same on every rank.
     """
 
     points: ContactPoints
@@ -186,8 +200,8 @@ class PointGroups:
 
     @classmethod
     def of(cls, points: ContactPoints, reached: Flags) -> PointGroups:
-        """Return the groups of points whose relative displacements are those of the pieces
-        ``reached``, shape (n, pieces).
+        """Return the groups of points that reach the same pieces; ``reached`` has shape (n,
+        pieces).
         """
         every = np.array(
             sorted(set(map(tuple, parallel.gather_rows(points.comm, reached).tolist())))
@@ -210,20 +224,21 @@ class PointGroups:
         return np.sqrt(sums[:, 0])
 
     def largest(self, values: Array) -> Array:
-        """Return the largest of values that are not below zero, shape (n,), in each group, shape
-        (g,).
+        """Return the largest value in each group, shape (g,), of non-negative values of
+        shape (n,).
         """
         found = np.zeros(self.count)
         np.maximum.at(found, self.number, values)
         return parallel.largest_of_each(self.points.comm, found)
 
     def scales(self, sizes: Array, *, lengths: bool = False) -> Array:
-        """Return what each group is judged by, shape (g,), at least what is round-off of the
+        """Return the scale of each group for relative errors, shape (g,), at least round-off of the
         largest of all sizes.
 
-        The size of a piece is the largest of the groups that reach it.  Of two pieces the smaller
-        one counts: the other one may be pressed elsewhere by forces that say nothing of this
-        contact.  Lengths are relative ones of both, of which the larger one counts.
+        The size of a piece is the largest one of the groups that reach it.  The scale of a group is
+        the smaller size of its two pieces, as the other piece may be pressed elsewhere by forces
+        that have nothing to do with this contact.  For ``lengths``, which are relative
+        displacements of both, it is the larger one.
         """
         of_pieces = np.where(self.pieces, sizes[:, None], 0.0).max(axis=0)
         counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)

@@ -20,7 +20,7 @@ class PointState:
     """The contact points of this rank after a solve, arrays of shape (n,).
 
     Attributes:
-        points: weights, and what supports let move.
+        points: weights, and directions in which supports let the points move.
         gap: d, length.
         u_n: tau_N y, length; u_n - gap > 0 is penetration.
         u_t: tau_T y, length, shape (n, d - 1).
@@ -34,11 +34,12 @@ class PointState:
         bilateral: points whose contact cannot open.
         slip_length: the slip that friction opposes, length: tau_T y, or its increment in a later
             load step, shape (n, d - 1).
-        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes,
-            shape (n, d - 1).
-        dt: duration of the load step where friction follows the speed of slip, time; else 0.
-        held: what bonds have of pressure and shear, stress, shape (n, d); None: there are none.
-        damage: the share of bonds that is broken; None: there are none.
+        xi: slip without the elastic slip of the regularisation, length; zero at stick nodes, shape
+            (n, d - 1).
+        dt: duration of the load step if friction depends on the speed of slip, time; else 0.
+        held: the part of pressure and shear that bonds carry, stress, shape (n, d); None without
+            bonds.
+        damage: damage of the bonds, from 0 to 1; None without bonds.
     """
 
     points: ContactPoints
@@ -66,20 +67,19 @@ class PointState:
 
     @property
     def held_together(self) -> Flags:
-        """Which points a bond holds that has not torn, shape (n,)."""
+        """Points with a bond that is not torn, shape (n,)."""
         return np.zeros_like(self.in_contact) if self.damage is None else self.damage < 1.0
 
     @property
     def speed(self) -> Array | None:
-        """Return the speed of slip, length per time, shape (n,); None if friction does not follow
-        it.
-        """
+        """Speed of slip, length per time, shape (n,); None if friction does not depend on it."""
         return np.asarray(length(self.slip_length) / self.dt) if self.dt else None
 
     @property
     def held_inside(self) -> Array:
-        """How far immovable points lie inside the foundation, or, where contact cannot open, off it
-        too; zero at all others, length, shape (n,).
+        """Depth of immovable points inside the foundation, length, shape (n,); zero at all others.
+
+        Where contact cannot open it is the distance from the foundation on either side.
         """
         overlap = self.u_n - self.gap
         depth = np.where(self.bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
@@ -102,8 +102,10 @@ class PointState:
         return parallel.total(self.points.comm, work)
 
     def sliding_side(self) -> npt.NDArray[np.int8]:
-        """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for
-        round-off.
+        """Return ``ActiveSets.side``, with a side also for nodes that transmit no shear.
+
+        Such nodes move freely; they count as slipping forwards, in 2D backwards if they move so by
+        more than round-off.
         """
         side = ActiveSets.of(self.in_contact, self.direction).side
         back = self.slip_length[:, 0] < -ZERO_IN_SOLUTION * np.linalg.norm(
@@ -114,8 +116,8 @@ class PointState:
 
     @cached_property
     def areas(self) -> dict[str, float]:
-        """Areas (in 2D lengths) in contact, and of the nodes with a friction bound those that stick
-        and slip; collective.
+        """Areas (in 2D lengths) of the nodes in contact, and of those with a friction bound that
+        stick and that slip; collective.
         """
         weight = self.points.weight
         slip = self.sliding_side() != 0

@@ -1,5 +1,5 @@
-"""Statics of a body on its foundation: which loads admissible contact tractions can balance, and
-how many times over.
+"""Statics of a body on its foundation: which loads admissible contact tractions can balance, and up
+to which multiple.
 
 Admissible are lambda >= 0, of any sign where contact is bilateral, and |mu| <= min(g + F lambda,
 cap).  Their resultants on the rigid motions that the supports leave free form a convex set C, the
@@ -12,9 +12,9 @@ checked by plain arithmetic:
   deforms.
 
 The nearest point is found by the active-set method of Lawson and Hanson (*Solving Least Squares
-Problems*, chapter 23), whose columns are not listed beforehand: each motion says which tractions
-work most against it, in closed form, the disc of |mu| included.  Nothing is replaced by polygons,
-and there is no status of a solver to be trusted.
+Problems*, chapter 23), with columns generated on demand: for each motion the tractions that do most
+work against it are known in closed form, also for the disc of |mu|.  No disc is replaced by a
+polygon, and no status of an external solver has to be trusted.
 """
 
 from __future__ import annotations
@@ -45,9 +45,12 @@ _PATIENCE = 3
 
 @dataclass(frozen=True)
 class Escape:
-    """How an assembly moves away because no admissible contact tractions balance its load: it
-    ``SLIDES``, held if friction had no limit, ``TIPS`` about nodes that stay where they are, leaves
-    the foundation (``OPEN``), or nothing resists a motion (``NOT_HELD``).
+    """How an assembly moves away because no admissible contact tractions balance its load.
+
+    Attributes:
+        status: ``SLIDES`` (unlimited friction would hold it), ``TIPS`` about nodes that do not
+            move, ``OPEN`` (it leaves the foundation), or ``NOT_HELD`` (nothing resists a motion).
+        assembly: number of the assembly.
     """
 
     status: Status
@@ -61,24 +64,24 @@ def no_balance(
     load: Array,
     gap: Array | None = None,
 ) -> Escape | None:
-    """Return a proof that a contact problem has no solution, to be asked before anything is tried:
-    how the first assembly moves away, of those that loads drive, then of others; None: not proved
-    of any; collective.
+    """Return a proof that a contact problem has no solution: how the first assembly moves away,
+    assemblies with loads first; None if there is no proof.  Collective.
 
-    It holds for any number of contacts, for frictionless contact, any friction below its envelope,
-    in 2D
-    and in 3D, and whatever the gaps and the stiffness are: all contact nodes may press.  None
-    proves
-    nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one
-    of elastic bodies.
+    The proof holds for any number of contacts, without friction and for any friction below its
+    envelope, in 2D and in 3D, whatever the gaps and the stiffness are, as all contact nodes may
+    press. None proves nothing: where the friction bound depends on the pressure, an equilibrium of
+    rigid bodies need not be one of elastic bodies.
 
-    ``law``: the friction law itself, not the bound of an iterate, stresses, None: without friction;
-    ``bilateral``: nodes whose contact cannot open, shape (n,); ``load``: its work on the free
-    motions, zero where it is round-off (``ElasticSystem.resultant``), shape (k,); ``gap``: of the
-    body as its loads alone deform it, lengths, shape (n,): a body without a resultant, with no
-    given friction, and not squeezed by its foundation, then counts as one that leaves it; None,
-    where that is not known: only if it can move off without touching, because strains may press it
-    on.
+    Args:
+        law: the friction law itself, not the bound of an iterate, stresses; None: without friction.
+        bilateral: nodes whose contact cannot open, shape (n,).
+        motions: free rigid motions, k of them.
+        load: its work on the free motions, zero where it is round-off
+            (``ElasticSystem.resultant``), shape (k,).
+        gap: of the body deformed by its loads alone, length, shape (n,).  A body without a
+            resultant and without given friction then leaves the foundation unless its foundation
+            squeezes it. None if the gap is not known: it then leaves only if it can move off
+            without touching, because strains may press it on.
     """
     if not load.size:
         return None
@@ -116,12 +119,12 @@ class Reactions:
     Attributes:
         normal: each motion along the normal of each node, shape (n, k); zero at a node that cannot
             press.
-        tangential: along its tangents, shape (n, d - 1, k).
+        tangential: each motion along the tangents, shape (n, d - 1, k).
         given: given part of the friction bound, a force, shape (n,); may be infinite.
         coefficient: F where the bound depends on the pressure, shape (n,).
         cap: the largest bound, a force, shape (n,); infinite where there is none.
         bilateral: whether the contact cannot open, shape (n,).
-        assembly: number of the assembly that the node is in, shape (n,).
+        assembly: number of the assembly of each node, shape (n,).
     """
 
     normal: Array
@@ -133,7 +136,9 @@ class Reactions:
     assembly: Ints
 
     def of(self, number: int, columns: Flags) -> Reactions:
-        """Return the nodes and the motions of one assembly."""
+        """Return the reactions of one assembly: its nodes, and its motions given by the mask
+        ``columns``.
+        """
         normal, tangential, *others = (
             values[self.assembly == number] for values in vars(self).values()
         )
@@ -145,8 +150,8 @@ class Reactions:
         return (self.given > 0) | (self.coefficient > 0)
 
     def unlimited(self, where: Flags) -> Reactions:
-        """Return the reactions with unlimited given friction at some nodes, and none at
-        the others.
+        """Return the reactions with unlimited given friction at some nodes, and no given friction
+        at the others.
         """
         bound = np.where(where, np.inf, 0.0)
         return replace(self, given=bound, cap=np.full_like(bound, np.inf))
@@ -155,10 +160,11 @@ class Reactions:
         """Return the tractions that do most work on a motion of shape (k,).
 
         Returns:
-            Edges of the cone and directions within it, one per row, the resultants of unlimited
-            tractions that are not round-off, and their lengths, shape (m,); the node that each of
-            them presses, shape (m,), -1 for friction without pressure; and the resultant of limited
-            tractions that does the most work, shape (k,), in the given unit.
+            Resultants of unlimited tractions: edges of the cone and directions within it, one per
+                row,
+            without round-off; their lengths, shape (m,); the node that each of them presses, shape
+            (m,), -1 for friction without pressure; and the resultant of limited tractions that does
+            the most work, shape (k,), in units of ``unit_of_force``.
         """
         away = self.normal @ motion
         slip = self.tangential @ motion
@@ -199,11 +205,14 @@ def reactions(
     bilateral: Flags,
     pressing: Flags | None = None,
 ) -> Reactions:
-    """Return what contact can do against the free rigid motions; collective.
+    """Return the reactions of contact to the free rigid motions; collective.
 
-    ``law``: of friction, stresses, None without.
-    ``bilateral``: nodes whose contact cannot open, ``pressing``: at which the foundation can press,
-        None: at all; given friction acts at all nodes.
+    Args:
+        motions: the free rigid motions.
+        law: the friction law, stresses; None: without friction.
+        bilateral: nodes whose contact cannot open.
+        pressing: nodes at which the foundation can press; None: at all; given friction acts at all
+            nodes.
     """
     points = motions.points
     k = motions.count
@@ -232,12 +241,14 @@ def reactions(
 
 @dataclass(frozen=True)
 class NearestTractions:
-    """The admissible tractions of one assembly whose resultant is nearest to a load: what they
-    leave of it, the motion that it drives, in units of force, shape (k,), and the nodes that they
-    press with a force that no bound limits. ``balanced``: nothing but round-off is left.
+    """The admissible tractions of one assembly whose resultant is nearest to a load.
 
     Attributes:
-        unbalanced: it is proved that none balance the load.
+        motion: the part of the load that is left, which is the motion that it drives, in units of
+            the load, shape (k,).
+        pressed: nodes that the tractions press with a force that no bound limits.
+        balanced: whether nothing but round-off is left.
+        unbalanced: whether it is proved that no tractions balance the load.
     """
 
     motion: Array
@@ -247,10 +258,12 @@ class NearestTractions:
 
 
 def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> NearestTractions:
-    """Return the tractions of one assembly nearest to a load, its work on the motions, whose size
-    is the unit of force. A limited resultant z is the column (z, 1), an unlimited edge e the column
-    (e, 0), and the load (W, 1). ``unlimited``: whether tractions with a given bound are left out;
-    how many times the load acts does then not matter.
+    """Return the admissible tractions of one assembly nearest to a load, given by its work on the
+    motions.
+
+    The size of the load is the unit of force.  A limited resultant z is the column (z, 1), an
+    unlimited edge e the column (e, 0), and the load (W, 1).  With ``unlimited`` the tractions with
+    a given bound are left out, and the size of the load does not matter.
     """
     size = float(np.linalg.norm(load))
     target = np.append(load / size, 0.0 if unlimited else 1.0)
@@ -262,9 +275,10 @@ def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> Near
     proof: tuple[Array, list[int]] | None = None
 
     def proves(motion: Array) -> bool:
-        """Return whether admissible tractions do less work than the load: those with a bound, and
-        others as far as round-off of the motion lets them, whose sum is at most
-        ``LARGEST_BALANCING_FORCE`` times it.
+        """Return whether admissible tractions do less work on a motion than the load.
+
+        The work of unlimited tractions is only limited by round-off of the motion; their sum is
+        taken as at most ``LARGEST_BALANCING_FORCE`` times it.
         """
         edges, lengths, _, bounded = contact.against(motion, size)
         most_work = LARGEST_BALANCING_FORCE * float(np.max(edges @ motion / lengths, initial=0.0))
@@ -308,11 +322,16 @@ def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> Near
 def combination(
     columns: Array, target: Array, passive: list[int]
 ) -> tuple[list[int], Array, Array]:
-    """Return the combination of columns of length 1, one per row, with non-negative coefficients
-    that is nearest to the target: the rows with positive coefficients, these, and what is left of
-    the target.
+    """Return the combination of columns with non-negative coefficients that is nearest to the
+    target.
 
-    ``passive``: rows that had positive coefficients with fewer columns.
+    Args:
+        columns: one per row, of length 1.
+        target: the vector to approximate.
+        passive: rows that had positive coefficients with fewer columns.
+
+    Returns:
+        The rows with positive coefficients, these coefficients, and what is left of the target.
     """
     passive = list(passive)
     values = _solve(columns[passive], target)
@@ -350,7 +369,7 @@ def combination(
 
 
 def _solve(columns: Array, target: Array) -> Array:
-    """Return the coefficients of the columns, one per row, that come nearest to the target."""
+    """Return the least-squares coefficients of the columns, one per row, for the target."""
     return (
         np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0])
         if len(columns)
@@ -359,8 +378,10 @@ def _solve(columns: Array, target: Array) -> Array:
 
 
 def escape(contact: Reactions, load: Array) -> tuple[Status, Array] | None:
-    """Return how a load, its work on the motions, not zero, moves one assembly away, and the motion
-    that it drives, shape (k,); None: not proved.
+    """Return how a load moves one assembly away, and the motion that it drives, shape (k,); None if
+    this is not proved.
+
+    The load, not zero, is given by its work on the motions.
     """
     near = nearest(contact, load)
     if not near.unbalanced:
@@ -382,11 +403,11 @@ def escape(contact: Reactions, load: Array) -> tuple[Status, Array] | None:
 
 
 def along_contact(contact: Reactions, motion: Array, pressed: Ints) -> Array:
-    """Return a motion that keeps pressed nodes in contact, shape (k,).
+    """Return the part of a motion that keeps pressed nodes in contact, shape (k,).
 
-    Where friction follows the pressure, the motion on which tractions can do no more work lifts
-    slipping nodes off; the body does not.  The motion is returned as it is if nothing else is left
-    of it.
+    Where friction depends on the pressure, the motion on which tractions can do no more work lifts
+    slipping nodes off, but the body does not.  The motion is returned unchanged if nothing would be
+    left of it.
     """
     rows = contact.normal[pressed]
     sliding = (
@@ -399,8 +420,8 @@ def separable(contact: Reactions) -> bool:
     """Return whether one assembly can move off its foundation at all nodes at once, without slip
     where friction is given.
 
-    Then no pressures are in balance: without a load there are none, and nothing says where the body
-    is.
+    Then no pressures balance each other: without a load there are none, and the position of the
+    body is not determined.
     """
     if contact.bilateral.any():
         return False
@@ -418,9 +439,10 @@ def separable(contact: Reactions) -> bool:
 
 
 def squeezed(contact: Reactions, gap: Array) -> bool:
-    """Return whether one assembly is held by its foundation without a load, as in an interference
-    fit with these gaps at its contact nodes. Its nodes overlap with the foundation wherever it is
-    if pressures in balance do work on the gaps that is negative.
+    """Return whether the foundation holds one assembly without a load, as in an interference fit.
+
+    This is so if some pressures in balance do negative work on the gaps at its contact nodes: then
+    nodes overlap with the foundation wherever the assembly is.
     """
     size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
@@ -435,10 +457,12 @@ def squeezed(contact: Reactions, gap: Array) -> bool:
 
 
 def largest_multiple(contact: Reactions, load: Array) -> float:
-    """Return the largest multiple of a load, its work on the motions, not zero, that admissible
-    tractions of one assembly balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that
-    a larger multiple drives shows how much the tractions can do against it at most: Newton's method
-    for the largest one.
+    """Return the largest multiple of a load that admissible tractions of one assembly balance;
+    infinite above ``LARGEST_BALANCING_FORCE``.
+
+    The load, not zero, is given by its work on the motions.  The motion that a larger multiple
+    drives bounds what the tractions can do against it: this is Newton's method for the largest
+    multiple.
     """
     multiple = LARGEST_BALANCING_FORCE
     size = float(np.linalg.norm(load))
