@@ -1,6 +1,6 @@
-"""Linear algebra: interchangeable kinds of elastic systems with one base.
+"""Linear algebra: interchangeable kinds of elastic systems with one base class.
 
-This package knows matrices, factorisations and PETSc's options.  It must not know forms, active
+This package works with matrices, factorisations and PETSc's options only, without forms, active
 sets or algorithms.
 """
 
@@ -31,14 +31,14 @@ SAME_PATTERN = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
 @dataclass(frozen=True)
 class LoadCase:
-    """Loads and prescribed displacements that change by a common factor.
+    """Loads and prescribed displacements that are scaled by a common factor.
 
     Attributes:
-        load: b minus what the prescribed displacements contribute; in their rows their value times
-            the diagonal entry.
-        start: the prescribed displacements; elsewhere anything, such as the rigid motion nearest to
-            them.
-        resultant: work of the loads on the free rigid motions; what strains cause does no work on
+        load: b minus the contribution of the prescribed displacements; in their rows their value
+            times the diagonal entry.
+        start: the prescribed displacements; other entries are arbitrary, for example the rigid
+            motion nearest to them.
+        resultant: work of the loads on the free rigid motions; loads due to strains do no work on
             them.
     """
 
@@ -48,7 +48,9 @@ class LoadCase:
 
 
 class Level(Protocol):
-    """The unknowns of an elastic system on one mesh, and on a coarser one: a level of multigrid."""
+    """A level of multigrid: the unknowns of an elastic system on one mesh, with the next coarser
+    level.
+    """
 
     @property
     def coarser(self) -> Level | None:
@@ -60,26 +62,31 @@ class Level(Protocol):
 
     @property
     def interpolation(self) -> PETSc.Mat | None:
-        """Return the matrix from the unknowns on the coarser level, without prescribed ones; None
-        if there is no coarser level.
+        """The matrix from the unknowns on the coarser level, zero for prescribed ones; None if
+        there is no coarser level.
         """
 
     @property
     def positions(self) -> Array:
-        """Return the positions of the unknowns of this rank, shape (n, 3)."""
+        """Positions of the unknowns of this rank, shape (n, 3)."""
 
     @property
     def stiffness(self) -> PETSc.Mat | None:
-        """The matrix on this mesh, or None if it has other unknowns as well."""
+        """The stiffness matrix on this mesh; None if the mesh has other unknowns as well."""
 
     def modes(self) -> PETSc.NullSpace:
-        """Rigid motions, orthonormal: what multigrid must not forget on its coarse levels."""
+        """Return the orthonormal rigid motions, which the coarse levels of multigrid must
+        represent.
+        """
 
 
 @dataclass(frozen=True)
 class FarPoints:
-    """Contact points of the one rank that are not expected to touch, shape (n,), and unknowns that
-    tell where they are, as long as no others are known.
+    """Contact points that are not expected to touch, on one rank.
+
+    Attributes:
+        points: the points, shape (n,).
+        at: unknowns that determine their displacements until others are known.
     """
 
     points: Flags
@@ -88,22 +95,25 @@ class FarPoints:
 
 @dataclass(frozen=True)
 class Elasticity:
-    """An elastic body without contact, and where contact is.
+    """An elastic body without contact, and its contact map.
 
     Attributes:
-        matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
+        matrix: A, symmetric; prescribed rows and columns are empty except for the diagonal.
+        cases: the load cases.
         contact: B, from the unknowns to the relative displacement at the contact points.
-        free: number of rigid motions that are free.
-        level: for multigrid; None: it has smoothed aggregation alone, with the near null space of
-            the matrix.
-        definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and
-            indefinite, whose Schur complement on the unknowns of contact is positive semi-definite.
-        rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last
-            rank.
-        symmetric: whether the matrix is; else it is not definite, and only a full system takes it.
-        far: points that a condensed system need not reach; None: there are none.
-        eliminated: what an earlier condensed system has made of the same matrix; None: there is
-            none.
+        free: number of free rigid motions.
+        level: for multigrid; None: smoothed aggregation alone, with the near null space of the
+            matrix.
+        definite: whether the matrix is positive semi-definite.  With a pressure as unknown it is
+            symmetric and indefinite, but its Schur complement on the unknowns of contact is
+            positive semi-definite.
+        rigid: number of unknowns of this rank that are motions of rigid bodies, the last ones of
+            the last rank.
+        symmetric: whether the matrix is symmetric; an unsymmetric one is not definite, and only a
+            full system can use it.
+        far: points that a condensed system need not contain; None: there are none.
+        eliminated: the Schur complement of the same matrix from an earlier condensed system; None:
+            there is none.
     """
 
     matrix: PETSc.Mat
@@ -119,26 +129,27 @@ class Elasticity:
 
     @property
     def positions(self) -> Array | None:
-        """Return the positions of the displacements of this rank, its first unknowns; None:
-        unknown.
-        """
+        """Positions of the displacements of this rank, its first unknowns; None if unknown."""
         return None if self.level is None else self.level.positions
 
 
 @dataclass
 class ElasticSystem:
-    """A x = b for the elastic body without contact, and the contact map in its unknowns: all those
-    of the stiffness, and a factorisation by a package on any number of ranks, unless another kind
-    says something else.
+    """A x = b for the elastic body without contact, with the contact map in its unknowns.
+
+    This base class keeps all unknowns of the stiffness and factorises by a package on any number of
+    ranks; other kinds of systems derive from it.
 
     Attributes:
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
         contact: B, from x to the relative displacement at the contact points, and which entries of
             x are prescribed.
+        elasticity: the body without contact.
+        cases: the load cases.
         definite: whether A is positive semi-definite.
         load: b, the load cases times their current factors.
-        start: a vector x that satisfies the prescribed displacements times the same factors,
-            elsewhere the rigid motion that is nearest to them.
+        start: a vector x with the prescribed displacements times the same factors; the other
+            entries are the rigid motion nearest to them.
         resultant: the work of the current loads on the free rigid motions, the same on all ranks,
             shape (k,); zero for an assembly whose loads balance each other to round-off.
         inexact: whether the linear solver was last set to less than full accuracy, because the
@@ -160,7 +171,7 @@ class ElasticSystem:
 
     @classmethod
     def of(cls, elasticity: Elasticity) -> Self:
-        """Return the system of an elasticity, with all load cases once."""
+        """Return the system of an elasticity, with all load cases at factor one."""
         e = elasticity
         matrix = e.matrix if is_by_blocks(e.matrix) else row_by_row(e.contact.admitted(e.matrix))
         if e.definite:
@@ -174,35 +185,47 @@ class ElasticSystem:
 
     @property
     def eliminated(self) -> SchurComplement | None:
-        """Return the Schur complement of the stiffness that other contact points can use; None:
-        nothing.
+        """The Schur complement of the stiffness that other contact points can reuse; None: there is
+        none.
         """
         return None
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """Set the default linear solver for A plus contact blocks, symmetric or not; options of the
-        user are applied later.  ``ksp`` has its operators already, so far A alone.
+        """Set the default linear solver for A plus contact blocks; options of the user are applied
+        later.
+
+        Args:
+            ksp: has its operators already, at this time A alone.
+            symmetric: whether the contact blocks are symmetric.
         """
         use_factorisation(
             ksp, symmetric=symmetric and self.elasticity.symmetric, definite=self.definite
         )
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """Make a factorisation of another linear solver with the same operators as that of
-        ``configure``, which has failed; whether there is one: not if the default, or the choice of
-        the user, is a factorisation or another solver already, or if the memory is too small;
-        collective.
+        """Set a factorisation for the same operators after the solver of ``configure`` has failed;
+        return whether there is one.  Collective.
+
+        There is none if the default or the user's choice is a factorisation or another solver, or
+        if the memory is too small.
+
+        Args:
+            ksp: another linear solver with the same operators.
+            symmetric: whether the matrix is symmetric.
         """
         return False
 
     def keep_factor(
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
     ) -> bool:
-        """Decide whether the last factorisation is that of the new matrix too, which is the same if
-        ``unchanged``, and set the solver accordingly.
+        """Return whether the last factorisation is kept for the new matrix, and set the solver
+        accordingly.
 
-        ``forces``: size of the acting ones, which the tolerance of a solve is relative to.
-        ``exact``: whether it must have full accuracy.
+        Args:
+            ksp: the linear solver.
+            unchanged: whether the matrix is unchanged.
+            forces: size of the acting forces, to which the tolerance of a solve is relative.
+            exact: whether the solve must have full accuracy.
         """
         return unchanged
 
@@ -217,7 +240,7 @@ class ElasticSystem:
         return negative == 0
 
     def set_load(self, factors: Array) -> None:
-        """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""
+        """Set ``load`` and ``start`` to the sum of the load cases times their factors."""
         self.load.set(0.0)
         self.start.set(0.0)
         for factor, case in zip(factors, self.cases, strict=True):
@@ -232,13 +255,15 @@ class ElasticSystem:
         )
 
     def set_case(self, number: int, case: LoadCase) -> None:
-        """Replace a load case from the next ``set_load`` on, or add one; nothing is factorised
+        """Replace or add a load case, effective from the next ``set_load``; nothing is factorised
         again.
         """
         self.cases[number : number + 1] = [case]
 
     def with_load(self, load: PETSc.Vec) -> Self:
-        """Return the same matrix with a load of all unknowns of the stiffness alone."""
+        """Return the same system with this load in place of the load cases, given at all unknowns
+        of the stiffness.
+        """
         system = copy(self)
         system.load = load.copy()
         return system
@@ -263,8 +288,10 @@ def is_by_blocks(matrix: PETSc.Mat) -> bool:
 
 
 def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:
-    """Return the sparse matrix itself, multiplied row by row: PETSc's products for several rows
-    with the same pattern, such as those of a node, take more time than they save.
+    """Return the sparse matrix itself, set to multiply row by row.
+
+    PETSc's products for several rows with the same pattern, such as those of a node, take more time
+    than they save.
     """
     matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
     return matrix

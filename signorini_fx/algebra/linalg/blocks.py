@@ -1,11 +1,11 @@
-"""A stiffness of compact blocks, one for each pair of nodes, and the tangent A + C beside it, as
-PETSc matrices.
+"""A stiffness of compact blocks, one for each pair of nodes, and the tangent A + C with a separate
+C, as PETSc matrices.
 
-The entries stay in the arrays into which the body was assembled.  PETSc calls a ``python`` matrix
-for products, whose kernel has a copy with one block for both orders of two nodes.  No tangent is a
-copy of A: what contact adds, C = B^T D B, is a sparse matrix of its own with few rows that are not
-empty.  Where rows or entries are needed, for products of matrices or factors, they are copied from
-the blocks.
+The entries stay in the arrays into which the body was assembled.  A ``python`` matrix of PETSc
+computes products, with a kernel that has a copy with one block for both orders of two nodes.  No
+tangent copies A: what contact adds, C = B^T D B, is a separate sparse matrix with few rows that are
+not empty.  Where rows or entries are needed, for products of matrices or factors, they are copied
+from the blocks.
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ class BlockRows:
 
     Attributes:
         starts: where the rows of blocks begin, shape (n + 1,).
-        columns: of the blocks, local numbers of nodes, those of other ranks last, shape (m,).
+        columns: local numbers of the nodes of the blocks, those of other ranks last, shape (m,).
         blocks: shape (m, d, d).
         diagonal: of the matrix, shape (n d,).
         names: global numbers of the nodes by their local numbers.
-        multiply: the product.
-        extended: a vector at the nodes of this rank and those of other ranks that columns need.
-        fill: copies to the latter what the other ranks have, collective; None: there is one rank.
+        multiply: computes the product with a vector.
+        extended: a vector at the nodes of this rank and at those of other ranks that columns need.
+        fill: fills the latter entries with the values of the other ranks, collective; None: there
+            is one rank.
     """
 
     starts: Ints
@@ -59,11 +60,13 @@ class BlockRows:
 
     @property
     def size(self) -> int:
-        """Return the size of the blocks, the spatial dimension d."""
+        """The size of the blocks, the spatial dimension d."""
         return int(self.blocks.shape[1])
 
     def rows_at(self, unknowns: Ints) -> tuple[Ints, Ints, Array]:
-        """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
+        """Return row starts, global columns and entries of the rows of some unknowns, given by
+        local numbers.
+        """
         node, component = np.divmod(unknowns, self.size)
         counts = np.diff(self.starts)[node]
         ends = np.cumsum(counts)
@@ -78,7 +81,7 @@ class BlockRows:
 
 
 class BlockMatrix:
-    """Context of a ``python`` matrix: A with such rows of this rank, or A + C with a sparse C."""
+    """Context of a ``python`` matrix: A by blocks, or A + C with a sparse C."""
 
     def __init__(self, rows: BlockRows, added: PETSc.Mat | None = None) -> None:
         self.rows = rows
@@ -89,7 +92,7 @@ class BlockMatrix:
 
     @called_back
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = A x + C x."""
+        """Compute y = A x + C x."""
         rows = self.rows
         values = x.getArray(readonly=True)
         if rows.fill is not None:
@@ -101,7 +104,7 @@ class BlockMatrix:
             self.added.multAdd(x, y, y)
 
     def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
-        """The diagonal."""
+        """Write the diagonal into a vector."""
         diagonal.getArray()[:] = self.rows.diagonal
         if self.added is not None:
             diagonal.axpy(1.0, self.added.getDiagonal())
@@ -109,7 +112,7 @@ class BlockMatrix:
     def createSubMatrix(
         self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, into: PETSc.Mat | None = None
     ) -> PETSc.Mat:
-        """Some rows by entries, at all columns or some."""
+        """Return some rows as a sparse matrix, with all columns or some."""
         if self.added is None:
             return self._elastic(matrix, rows, columns)
         added = self.added.createSubMatrix(rows, columns)
@@ -129,7 +132,7 @@ class BlockMatrix:
         return into
 
     def _elastic(self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS) -> PETSc.Mat:
-        """Some rows of A by entries; collective."""
+        """Return some rows of A as a sparse matrix; collective."""
         unknowns = rows.getIndices().astype(np.int64) - matrix.getOwnershipRange()[0]
         sizes = ((unknowns.size, None), matrix.getSizes()[1])
         csr = self.rows.rows_at(unknowns)
@@ -142,14 +145,18 @@ class BlockMatrix:
         )
 
     def norm(self, matrix: PETSc.Mat, kind: int) -> float:
-        """Any norm; where a solve has failed, it is asked for."""
+        """Return a norm of the matrix, which is requested after a failed solve."""
         return float(by_entries(matrix).norm(kind))
 
 
 def block_matrix(rows: BlockRows, comm: MPI.Comm, added: PETSc.Mat | None = None) -> PETSc.Mat:
     """Return the symmetric positive definite matrix of the rows of all ranks; collective.
 
-    ``added``: C, with all the entries it may have, which becomes part of it.
+    Args:
+        rows: the rows of this rank.
+        comm: the ranks.
+        added: C, with all the entries it may have, which becomes part of the matrix; None: there is
+            none.
     """
     size = ((rows.starts.size - 1) * rows.size, None)
     matrix = PETSc.Mat().create(comm)
@@ -163,19 +170,19 @@ def block_matrix(rows: BlockRows, comm: MPI.Comm, added: PETSc.Mat | None = None
 
 
 def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:
-    """Return a + C of A by blocks, see ``block_matrix``; collective."""
+    """Return A + C for A by blocks, see ``block_matrix``; collective."""
     return block_matrix(stiffness.getPythonContext().rows, stiffness.comm, added)
 
 
 def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
-    """Make A + C that of another C with the same pattern; collective."""
+    """Replace C in A + C by another one with the same pattern; collective."""
     added.copy(tangent.getPythonContext().added, SAME_PATTERN)
     tangent.stateIncrease()  # or PETSc would keep the factor of the earlier one
 
 
 def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
-    """Return the sparse matrix with the entries of one by blocks, a copy, or the matrix itself;
-    collective.
+    """Return a matrix by blocks copied to a sparse matrix; any other matrix is returned itself.
+    Collective.
     """
     if not is_by_blocks(matrix):
         return matrix
@@ -195,11 +202,11 @@ def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 class PreconditionerByEntries:
-    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by
-    blocks.
+    """Context of a ``python`` preconditioner that uses another preconditioner for the entries of a
+    matrix by blocks.
 
-    Attributes:
-        configure: sets its kind, once it has its matrix.
+    Args:
+        configure: sets the type of the inner preconditioner, which has its matrix already.
     """
 
     def __init__(self, configure: Callable[[PETSc.PC], None]) -> None:
@@ -208,7 +215,7 @@ class PreconditionerByEntries:
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:
-        """Set up anew; collective."""
+        """Set up the inner preconditioner for the present matrix; collective."""
         inner = PETSc.PC().create(pc.comm)
         inner.setOptionsPrefix(petsc_options.PREFIX)
         inner.setOperators(by_entries(pc.getOperators()[0]))
@@ -221,13 +228,13 @@ class PreconditionerByEntries:
 
     @called_back
     def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Apply it."""
+        """Apply the inner preconditioner."""
         assert self._inner is not None
         self._inner.apply(right, x)
 
 
 def use_entries(pc: PETSc.PC, configure: Callable[[PETSc.PC], None]) -> None:
-    """Make a preconditioner of a matrix by blocks one of its entries, see
+    """Make a preconditioner of a matrix by blocks work on its entries, see
     ``PreconditionerByEntries``.
     """
     pc.setType(PETSc.PC.Type.PYTHON)

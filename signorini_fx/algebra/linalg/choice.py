@@ -1,4 +1,4 @@
-"""Which kind of elastic system a problem gets, and why."""
+"""The choice of the kind of elastic system for a problem, with the reason."""
 
 from __future__ import annotations
 
@@ -27,15 +27,18 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class SystemSize:
-    """The figures that decide which kind a system gets: the ranks that share it, the global number
-    of unknowns, d, and ``retained``: unknowns that contact touches, of two bodies on both sides.
-    ``held``: whether contact and stick at all contact points hold every piece of the body.
+    """The figures that decide which kind of system is used.
 
     Attributes:
-        compressible: enough for multigrid.
-        definite: the matrix is positive semi-definite.
-        enclosed: contact and supports enclose an incompressible body, so that what contact does not
-            touch is singular.
+        comm: the ranks that share it.
+        unknowns: global number of unknowns.
+        dimension: d.
+        retained: number of unknowns that contact touches, on both sides of two bodies.
+        held: whether contact and stick at all contact points hold every piece of the body.
+        compressible: whether the material is compressible enough for multigrid.
+        definite: whether the matrix is positive semi-definite.
+        enclosed: whether contact and supports enclose an incompressible body, so that the matrix of
+            the unknowns that contact does not touch is singular.
     """
 
     comm: MPI.Comm
@@ -53,8 +56,13 @@ def choose_system(
 ) -> tuple[ElasticSystem, str]:
     """Return the elastic system, and the reason for its kind.
 
-    ``requested``: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another
-        package.  What few problems need is imported here.
+    Modules that few problems need are imported here.
+
+    Args:
+        elasticity: the body without contact.
+        size: the figures that decide.
+        requested: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another
+            package.
     """
     kind, reason = choose_kind(size, requested)
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
@@ -80,9 +88,14 @@ def choose_system(
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
-    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; collective.
+    """Return ``full``, ``krylov``, ``condensed`` or the name of another solver, and the reason;
+    collective.
 
-    ``requested``: as for ``choose_system``; without contact there is nothing to condense onto.
+    Without contact there is nothing to condense onto.
+
+    Args:
+        size: the figures that decide.
+        requested: as for ``choose_system``.
     """
     if requested not in ("auto", "full", "condensed"):
         return requested, "as asked for"
@@ -113,8 +126,8 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
 
 
 def for_multigrid(size: SystemSize) -> str | None:
-    """Why a Krylov method with multigrid is better than a factorisation, or None if it is not;
-    collective.
+    """Return why a Krylov method with multigrid is better than a factorisation; None if it is not.
+    Collective.
     """
     if petsc_options.user_chooses_solver():
         return None
@@ -131,10 +144,12 @@ def for_multigrid(size: SystemSize) -> str | None:
 
 
 def krylov_from(size: SystemSize, requested: str) -> float:
-    """Return unknowns from which on a mesh of a body gets a Krylov method because it is faster;
-    infinite: none does.
+    """Return the number of unknowns above which a mesh of a body gets a Krylov method because it is
+    faster; infinite: never.
 
-    ``size``: of the system on any of them.
+    Args:
+        size: of the system on any of the meshes.
+        requested: as for ``choose_system``.
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf
@@ -147,7 +162,9 @@ def krylov_from(size: SystemSize, requested: str) -> float:
 
 
 def against_condensing(size: SystemSize) -> str | None:
-    """Why the system is not condensed onto the unknowns of the contact boundary; None if it is."""
+    """Return why the system is not condensed onto the unknowns of the contact boundary; None if it
+    is.
+    """
     retained = size.retained
     if (why := cannot_condense(size)) is not None:
         return why
@@ -171,7 +188,7 @@ def against_condensing(size: SystemSize) -> str | None:
 
 
 def cannot_condense(size: SystemSize) -> str | None:
-    """Why the system cannot be condensed; None if it can."""
+    """Return why the system cannot be condensed; None if it can."""
     if size.retained == 0:
         return "there is no contact"
     if size.comm.size > 1 and size.dimension > 2:  # what is between ranks is a surface

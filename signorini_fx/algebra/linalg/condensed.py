@@ -5,14 +5,13 @@ the interior is eliminated once; all Newton steps of all outer iterations, load 
 gamma use the dense matrix, and the interior is recovered at the end with the same factor.  The
 interior matrix is regular for a floating body too.
 
-Contact points that are far from touching need not be reached: their unknowns are eliminated, too.
-Such points stay where they are while the problem is solved; ``find_far_points`` computes where the
-solution moves them, and whoever has called them far has to find out whether they touch there.
+The unknowns of contact points that are far from touching may be eliminated, too.  Such points keep
+their displacements while the problem is solved; ``find_far_points`` computes how the solution moves
+them, and the caller that has declared them far must check whether they touch there.
 
-Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix
-whose unknowns
-it owns, as contact points are where their unknowns are; what is dense is so small that every rank
-does all of it.
+Several ranks eliminate their own unknowns, see ``schur``.  Each has the rows of the dense matrix
+whose unknowns it owns, as contact points are on the rank of their unknowns; the dense computations
+are so small that every rank does all of them.
 """
 
 from __future__ import annotations
@@ -33,10 +32,13 @@ from signorini_fx.machine import parallel
 
 @dataclass
 class CondensedSystem(ElasticSystem):
-    """x holds the unknowns that B touches.
+    """The condensed system; x holds the unknowns that B touches.
 
     Attributes:
+        schur: the Schur complement.
         condensed: the load cases, see ``SchurComplement.condense``.
+        factors: current factors of the load cases.
+        recovered: x of this rank, and its displacement, of the last recovery; None: there is none.
     """
 
     schur: SchurComplement
@@ -75,7 +77,7 @@ class CondensedSystem(ElasticSystem):
         return cls(matrix, reaching.among(retained), e, list(e.cases), True, schur, condensed)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """A dense factorisation by LAPACK, on every rank."""
+        """Set a dense factorisation by LAPACK, on every rank."""
         ksp.setType(PETSc.KSP.Type.PREONLY)
         alone = self.comm.size == 1
         ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
@@ -88,7 +90,7 @@ class CondensedSystem(ElasticSystem):
         return True
 
     def find_far_points(self, x: PETSc.Vec) -> None:
-        """Compute where the points are that no unknown reaches: one back substitution."""
+        """Compute the displacements of the far points for x by one back substitution."""
         far = self.elasticity.far
         elsewhere = self.contact.elsewhere
         if far is not None and elsewhere is not None:
@@ -102,7 +104,9 @@ class CondensedSystem(ElasticSystem):
         return self.schur
 
     def set_load(self, factors: Array) -> None:
-        """The condensed loads and the prescribed displacements times their factors."""
+        """Set the condensed loads and the prescribed displacements to those of the load cases times
+        their factors.
+        """
         self.factors = factors
         self.recovered = None
         self._set_resultant(factors)
@@ -115,13 +119,13 @@ class CondensedSystem(ElasticSystem):
         self.start.getArray()[:] = factors @ np.reshape(starts, shape)
 
     def set_case(self, number: int, case: LoadCase) -> None:
-        """Condense another right-hand side: one back substitution."""
+        """Replace or add a load case and condense it by one back substitution."""
         super().set_case(number, case)
         self.condensed[number : number + 1] = [self.schur.condense(case.load)]
         self.recovered = None
 
     def with_load(self, load: PETSc.Vec) -> Self:
-        """Return the condensed system with a load alone, by one back substitution."""
+        """Return the condensed system with another load only, by one back substitution."""
         system = copy(self)
         system.cases = [replace(self.cases[0], load=load)]
         system.condensed = [self.schur.condense(load)]
@@ -132,7 +136,7 @@ class CondensedSystem(ElasticSystem):
         return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """Return the interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
+        """Return all unknowns, with the interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
         values = np.asarray(x.getArray(readonly=True))
         if self.recovered is not None and np.array_equal(values, self.recovered[0]):
             return self.recovered[1].copy()
@@ -145,7 +149,7 @@ class CondensedSystem(ElasticSystem):
         )
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
-        """Return the unknowns of the nodes that contact reaches."""
+        """Return the entries of all unknowns that contact touches."""
         x = self.load.duplicate()
         x.getArray()[:] = displacement.getArray(readonly=True)[self.schur.retained]
         return x

@@ -1,5 +1,5 @@
-"""Sparse factorisations: which package there is, how much memory it takes, and how a solver is made
-a direct one.
+"""Sparse factorisations: the available packages, the memory they need, and direct linear
+solvers.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ def factorisation_package(comm: MPI.Comm, *, symmetric: bool, definite: bool = T
 
 
 def factor_type(*, symmetric: bool) -> str:
-    """Return the kind of factorisation, for PETSc."""
+    """Return PETSc's type of factorisation: Cholesky for a symmetric matrix, otherwise LU."""
     return str(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
 
 
 def can_factorise(comm: MPI.Comm) -> bool:
-    """Return whether this PETSc has a sparse direct solver for this number of ranks; its own is for
-    one.
+    """Return whether this PETSc has a sparse direct solver for this number of ranks; PETSc's own
+    solver works on one rank only.
     """
     return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:
-    """Return entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested
-    dissection).
+    """Return the estimated number of entries of a sparse factor: n log n in 2D, n^(4/3) in 3D
+    (nested dissection).
     """
     return (
         FACTOR_ENTRIES[dimension]
@@ -69,25 +69,25 @@ def factor_entries(unknowns: int, dimension: int) -> float:
 
 
 def factor_memory(unknowns: int, dimension: int) -> float:
-    """Return bytes of a sparse factor: a number of 8 bytes an entry, and an index for every second
-    one.
+    """Return the estimated memory of a sparse factor, bytes: 8 for an entry, and an index for every
+    second one.
     """
     return 12.0 * factor_entries(unknowns, dimension)
 
 
 def enough_memory(comm: MPI.Comm, needed: float) -> bool:
-    """Return whether the machines of these ranks have so many bytes; collective."""
+    """Return whether the machines of these ranks have ``needed`` bytes; collective."""
     return needed <= MEMORY_SHARE * parallel.machine_memory(comm)
 
 
 def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:
-    """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
+    """Make a linear solver a direct one: Cholesky if the matrix is symmetric, otherwise LU."""
     ksp.setType(PETSc.KSP.Type.PREONLY)
     use_factor(ksp.getPC(), symmetric=symmetric, definite=definite)
 
 
 def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
-    """Make a preconditioner such a factorisation."""
+    """Make a preconditioner a factorisation: Cholesky if the matrix is symmetric, otherwise LU."""
     pc.setType(factor_type(symmetric=symmetric))
     pc.setFactorSolverType(
         factorisation_package(pc.comm.tompi4py(), symmetric=symmetric, definite=definite)
@@ -95,10 +95,16 @@ def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
 
 
 def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
-    """Make a preconditioner of a matrix with so many unknowns on all ranks a direct solver, of all
-    ranks together or, for few unknowns, of each alone; collective. Few unknowns are factorised no
-    faster by several ranks, and each solve would take more time for messages than for arithmetic:
-    then each rank gathers the right-hand side, and has the whole factor.
+    """Make a preconditioner a direct solver; collective.
+
+    A large matrix is factorised by all ranks together.  For few unknowns this is no faster, and
+    each solve would take more time for messages than for arithmetic: then each rank gathers the
+    right-hand side and has the whole factor.
+
+    Args:
+        pc: the preconditioner.
+        unknowns: of its matrix, on all ranks.
+        symmetric: whether the matrix is symmetric.
     """
     comm = pc.comm.tompi4py()
     if comm.size == 1 or (unknowns > MOST_CONDENSED_UNKNOWNS and can_factorise(comm)):
@@ -115,8 +121,8 @@ def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
 
 
 def with_inertia(matrix: PETSc.Mat) -> tuple[PETSc.PC, int]:
-    """Return an LDL^T factorisation of a symmetric matrix by MUMPS, and how many negative
-    eigenvalues the matrix has; collective.
+    """Return an LDL^T factorisation of a symmetric matrix by MUMPS, and the number of its negative
+    eigenvalues; collective.
     """
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     preconditioner = PETSc.PC().create(matrix.comm)

@@ -1,8 +1,8 @@
 """Products y = A x with symmetric matrices of small dense blocks, in C, compiled beside the forms.
 
-Such a product takes the time in which the entries arrive from memory.  So each pair of nodes has
-one block, which acts on both.  PETSc's kernels for blocks ask for them ahead in a way that some
-processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.
+Such a product is limited by the memory bandwidth.  So each pair of nodes has one block, which is
+used for both orders.  PETSc's kernels for blocks prefetch in a way that some processors ignore;
+these kernels prefetch ``PREFETCHED_BYTES`` ahead of the use, into all caches.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _LOADED: dict[str, ModuleType] = {}
 
 def load(comm: MPI.Comm, folder: Path) -> None:
     """Compile the kernels into the folder of compiled forms on one rank, unless they are there, and
-    load them on all; collective.
+    load them on all ranks; collective.
 
     Raises:
         MachineError: they cannot be compiled.
@@ -85,9 +85,13 @@ def load(comm: MPI.Comm, folder: Path) -> None:
 
 
 class BlockProduct:
-    """Products with the owned rows of a symmetric matrix of blocks: where the rows begin, shape (n
-    + 1,), the columns, those of other ranks from n on, shape (m,), and the blocks, shape (m, d, d);
-      ``load`` must have succeeded.
+    """Products with the owned rows of a symmetric matrix of blocks; ``load`` must have succeeded.
+
+    Args:
+        folder: the folder of compiled forms.
+        starts: where the rows begin, shape (n + 1,).
+        columns: of the blocks, shape (m,); those of other ranks are numbered from n on.
+        blocks: shape (m, d, d).
     """
 
     def __init__(
@@ -116,9 +120,6 @@ class BlockProduct:
         return self._cast(f"{kind} *", array.ctypes.data)
 
     def __call__(self, x: Array, y: Array) -> None:
-        """Write A x into y.
-
-        ``x``: with what columns of other ranks need.
-        """
+        """Write A x into y; x includes the entries of other ranks that the columns need."""
         vectors = (self._address("double", values) for values in (x, y))
         self._kernel(self._arrays[0].size - 1, *self._matrix, *vectors)

@@ -39,7 +39,7 @@ from signorini_fx.tuned import (
 
 @dataclass
 class KrylovSystem(ElasticSystem):
-    """Solved by CG or FGMRES with multigrid."""
+    """The elastic system solved by CG or FGMRES with multigrid."""
 
     _forces: float = 0.0
     _first_residual: float = (
@@ -50,7 +50,9 @@ class KrylovSystem(ElasticSystem):
 
     @classmethod
     def of(cls, elasticity: Elasticity) -> Self:
-        """Return the system as it was assembled; multigrid gets to know the rigid motions."""
+        """Return the system as assembled, with the rigid motions set as near null space for
+        multigrid.
+        """
         system = super().of(elasticity)
         if not system.rigid:
             system._tell(system.matrix)
@@ -62,8 +64,8 @@ class KrylovSystem(ElasticSystem):
         return parallel.any_rank(self.comm, self.elasticity.rigid > 0)
 
     def _tell(self, matrix: PETSc.Mat) -> None:
-        """Give a matrix of the nodes the size of its blocks and the rigid motions; by blocks it
-        needs none.
+        """Set the block size and the rigid motions of a sparse matrix; a matrix by blocks needs
+        neither.
         """
         if is_by_blocks(matrix):
             return
@@ -73,11 +75,10 @@ class KrylovSystem(ElasticSystem):
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
-        """Return the hierarchy of A, set up at its first use; collective. It has no room for
-        contact: aggregates follow the pattern, and would mix what only contact joins.
+        """The hierarchy of A, set up at its first use; collective.
 
-        Without the room for contact: aggregates follow the pattern, and would mix what only contact
-        joins.
+        It is set up without room for the entries of contact: aggregates follow the pattern, and
+        would mix unknowns that only contact joins.
         """
         e = self.elasticity
         if self.rigid:
@@ -97,7 +98,7 @@ class KrylovSystem(ElasticSystem):
 
     @cached_property
     def levels(self) -> ContactLevels:
-        """Return the levels of the hierarchy, truncated by contact; collective."""
+        """The levels of the hierarchy, truncated by contact; collective."""
         rigid = int(
             np.count_nonzero(~self.contact.fixed[self.contact.fixed.size - self.elasticity.rigid :])
         )
@@ -105,15 +106,15 @@ class KrylovSystem(ElasticSystem):
 
     @cached_property
     def _touched(self) -> Ints:
-        """The unknowns of this rank that contact can act on, ascending; prescribed ones left
-        out.
+        """The unknowns of this rank on which contact can act, ascending, without prescribed
+        ones.
         """
         touched = self.contact.touched
         touched[touched.size - self.elasticity.rigid :] = True
         return np.flatnonzero(touched & ~self.contact.fixed)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see
+        """Set CG, or FGMRES for an unsymmetric matrix, with a tolerance relative to the forces; see
         ``multigrid``.
         """
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
@@ -141,8 +142,8 @@ class KrylovSystem(ElasticSystem):
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """Factorise, and return True, if the user has chosen no solver and the factor, without
-        symmetry two of them, fits into the memory.
+        """Set a factorisation and return True, if the user has chosen no solver and the factor fits
+        into the memory.  An unsymmetric matrix needs twice as much.
         """
         if petsc_options.user_sets("ksp_", "pc_") or not can_factorise(self.comm):
             return False
@@ -166,8 +167,8 @@ class KrylovSystem(ElasticSystem):
 
     @called_back
     def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve for the contact unknowns, which leaves no penalty in the residual, and say how much
-        may be left.
+        """Solve for the contact unknowns, which removes the penalty from the residual, and set the
+        tolerance.
         """
         ksp.setUp()  # PETSc calls this before
         self._preconditioners[ksp.handle].solve_contact(b, x)
@@ -196,8 +197,8 @@ class KrylovSystem(ElasticSystem):
     def keep_factor(
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
     ) -> bool:
-        """Return whether the factor is kept, as for the same matrix; for another one a solve by
-        multigrid need not be exact.
+        """Return whether the factor is kept, which is so for an unchanged matrix; for a changed one
+        a solve by multigrid need not be exact.
         """
         if ksp.getType() == PETSc.KSP.Type.PREONLY:
             self.inexact = False

@@ -1,21 +1,21 @@
 """Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds
 the body.
 
-The hierarchy is that of coarser meshes, see ``mechanics.rigid.mesh_levels``, as far as there are
-any, and below them of smoothed aggregation, for A, the stiffness without contact; it never changes.
-Contact adds
-C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the
-directions in which C is no smaller than A, must not move on coarse levels either.  With E the
-projection onto these directions, the finest interpolation P becomes (I - E) P and the smoother
-leaves them alone: truncation, as in monotone multigrid (Kornhuber 1994; Graeser & Kornhuber 2009).
-The coarse matrices follow by products of the size of the contact boundary (``truncation``),
+The hierarchy of A, the stiffness without contact, consists of coarser meshes as far as there are
+any, see ``mechanics.rigid.mesh_levels``, and of smoothed aggregation below them; it never changes.
+Contact adds C = B^T D B, which acts on the contact unknowns c and is as large as gamma.  The
+directions that contact holds, in which C is no smaller than A, must not move on coarse levels
+either.  With E the projection onto these directions, the finest interpolation P becomes (I - E) P
+and the smoother leaves them alone: truncation, as in monotone multigrid (Kornhuber 1994; Graeser &
+Kornhuber 2009).  The coarse matrices follow by products of the size of the contact boundary
+(``truncation``),
 
     A_1' = A_1 - X^T W - W^T X + X^T A_cc X + Y^T C Y,   X = E P_c,  Y = P_c - X,  W = (A P)_c,
 
-and A_l+1' = A_l+1 + P_l^T (A_l' - A_l) P_l below.  So a V-cycle V never sees gamma.  Around it the
-contact unknowns are solved for exactly, F = (A + C)_cc^-1, before and after, which makes a
-symmetric multiplicative preconditioner: AMG with filtering (Petrides et al. 2025,
-arXiv:2505.18576).  The residual is zero on c from then on.
+and A_l+1' = A_l+1 + P_l^T (A_l' - A_l) P_l below.  So gamma does not enter a V-cycle V.  Before and
+after it the contact unknowns are solved for exactly, F = (A + C)_cc^-1, which makes a symmetric
+multiplicative preconditioner: AMG with filtering (Petrides et al. 2025, arXiv:2505.18576).  The
+residual is zero on c from then on.
 """
 
 from __future__ import annotations
@@ -47,11 +47,12 @@ _FEW = (
 @dataclass(frozen=True)
 class Hierarchy:
     """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed
-    aggregation. From each level P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0,
-    ... are ``coarse``.
+    aggregation.
 
     Attributes:
-        largest: the largest eigenvalue of A over its diagonal, as CG sees it in a few steps.
+        interpolations: P_0, P_1, ..., each from a level to the next finer one.
+        coarse: A_1 = P_0^T A P_0, ....
+        largest: the largest eigenvalue of diag(A)^-1 A, estimated by a few steps of CG.
     """
 
     interpolations: tuple[PETSc.Mat, ...]
@@ -60,9 +61,11 @@ class Hierarchy:
 
     @classmethod
     def of(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
-        """Set up once for A, with the size of its blocks and its near null space, and its mesh and
-        the coarser ones,
-        None: there are none; collective.
+        """Set up the hierarchy of A; collective.
+
+        Args:
+            matrix: A, with its block size and near null space.
+            level: its mesh and the coarser ones; None: there are none.
         """
         interpolations = list[PETSc.Mat]()
         coarse = list[PETSc.Mat]()
@@ -83,10 +86,12 @@ class Hierarchy:
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: Flags, stiffness: Array) -> Hierarchy:
-        """Return the hierarchy with the unknowns of rigid bodies on each level, see
-        ``rigid_unknowns``, on coarse levels the free ones; collective.
+        """Return the hierarchy with the unknowns of rigid bodies on each level, on coarse levels
+        only the free ones, see ``rigid_unknowns``; collective.
 
-        ``stiffness``: of their springs.
+        Args:
+            free: which unknowns of rigid bodies of this rank are free.
+            stiffness: of their springs.
         """
         springs = stiffness[free]
         ones = np.ones(np.count_nonzero(free))
@@ -107,7 +112,7 @@ class Hierarchy:
 
     @classmethod
     def _aggregated(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
-        """Set up GAMG and keep what it has found; collective."""
+        """Set up GAMG and return its levels; collective."""
         largest = _largest_eigenvalue(matrix)
         if is_by_blocks(matrix):
             matrix = by_entries(matrix)
@@ -128,8 +133,10 @@ class Hierarchy:
 
 
 def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:
-    """P^T A P: the stiffness of the coarser mesh where one product tells that it is the same, as on
-    nested meshes.
+    """Return P^T A P; collective.
+
+    This is the stiffness of the coarser mesh if one product with a vector shows that they are
+    equal, as on nested meshes.
     """
     stiffness = level.stiffness
     if stiffness is not None and stiffness.getSizes() == (interpolation.getSizes()[1],) * 2:
@@ -162,8 +169,8 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
 
 
 def _irregular(x: PETSc.Vec) -> PETSc.Vec:
-    """Return the vector itself with entries that are the same on any number of ranks, and no smooth
-    function of the place.
+    """Fill a vector with values that do not depend on the number of ranks and are no smooth
+    function of position; return it.
     """
     first, last = x.getOwnershipRange()
     x.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
@@ -171,7 +178,7 @@ def _irregular(x: PETSc.Vec) -> PETSc.Vec:
 
 
 def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
-    """Return the largest eigenvalue of A over its diagonal that CG finds; collective."""
+    """Return the largest eigenvalue of diag(A)^-1 A as estimated by CG; collective."""
     ksp = PETSc.KSP().create(matrix.comm)
     ksp.setOperators(matrix)
     ksp.setType(PETSc.KSP.Type.CG)
@@ -184,16 +191,21 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
 
 
 class ContactLevels:
-    """All that the preconditioners of one system share: it follows from A, but for the truncation
-    of the levels. ``unknowns``: the contact unknowns of this rank, in the local part of x,
-    ascending, the last ``rigid`` of them those of rigid bodies, and ``places`` their numbers.
+    """The part that all preconditioners of one system share; it depends on A and on the truncation
+    of the levels.
 
     Attributes:
-        diagonal: of A, infinite where a rigid body moves.
-        joined: the blocks of two bodies at the points, and ``lift``, S of ``truncation``, None with
-            a rigid foundation.
-        inverse: D^-1, zero where contact holds.
-        times: how often the levels were truncated.
+        hierarchy: the hierarchy of A.
+        unknowns: contact unknowns of this rank in the local part of x, ascending; those of rigid
+            bodies are last.
+        places: global numbers of the contact unknowns.
+        diagonal: of A, infinite for motions of rigid bodies.
+        nodes: nodal blocks of the contact unknowns.
+        joined: nodal blocks of two bodies at the contact points; None with a rigid foundation.
+        lift: S of ``truncation``; None with a rigid foundation.
+        truncated: the truncated levels.
+        inverse: D^-1, zero in directions that contact holds.
+        times: how often the levels have been truncated.
     """
 
     def __init__(
@@ -254,12 +266,12 @@ class ContactLevels:
         self._truncated_at: tuple[Array, Array] | None = None
 
     def truncate(self, held: Array, soft: Array, reduced: PETSc.Mat | None) -> None:
-        """Truncate the levels where the directions held are others; collective.
+        """Truncate the levels again if the held directions have changed; collective.
 
         Args:
             held: see ``NodalBlocks.split``.
             soft: see ``NodalBlocks.split``.
-            reduced: S^T (A + C)_cc S of two bodies.
+            reduced: S^T (A + C)_cc S of two bodies; None: a rigid foundation.
         """
         if not parallel.any_rank(self._comm, self._differs(held, soft)):
             return
@@ -281,7 +293,7 @@ class ContactLevels:
         self.inverse.assemble()
 
     def _differs(self, held: Array, soft: Array) -> bool:
-        """Return whether the levels are to be truncated anew on account of this rank."""
+        """Return whether the directions on this rank require a new truncation."""
         if self._truncated_at is None:
             return True
         truncated = self._truncated_at
@@ -292,9 +304,7 @@ class ContactLevels:
         )
 
     def _inverse_diagonal(self) -> PETSc.Mat:
-        """D^-1, with room for the directions of the nodes in contact that are free to move;
-        collective.
-        """
+        """Return D^-1, with room for the free directions of the nodes in contact; collective."""
         nodes = self.nodes
         first = self.diagonal.getOwnershipRange()[0]
         diagonal = self.diagonal.getArray(readonly=True)
@@ -314,10 +324,13 @@ class ContactLevels:
 
 
 class ContactPreconditioner:
-    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
+    """The preconditioner F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python``
+    type.
 
-    Attributes:
+    Args:
+        levels: the levels of the system.
         fixed: the prescribed unknowns of this rank.
+        symmetric: whether the tangent is symmetric.
     """
 
     def __init__(self, levels: ContactLevels, fixed: Flags, *, symmetric: bool) -> None:
@@ -369,8 +382,8 @@ class ContactPreconditioner:
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:
-        """Factorise a new tangent at the contact unknowns, and truncate where others are held;
-        collective.
+        """Factorise a new tangent at the contact unknowns, and truncate the levels if the held
+        directions have changed; collective.
         """
         tangent = pc.getOperators()[0]
         self._contact_rows = tangent.createSubMatrix(self._places, None, self._contact_rows)
@@ -390,12 +403,12 @@ class ContactPreconditioner:
         self._cycle.setUp()
 
     def _truncate(self) -> None:
-        """Let the levels be those of this tangent; collective."""
+        """Truncate the levels for this tangent; collective."""
         self._levels.truncate(*self._held, self._reduced)
         self._times = self._levels.times
 
     def solve_contact(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """X = F b, zero elsewhere; collective.  A solve begins with this."""
+        """Set x to F b, zero elsewhere, with which a solve starts; collective."""
         if self._times != self._levels.times:  # for another tangent
             self._truncate()
             for smoother in self._smoothers:
@@ -407,9 +420,11 @@ class ContactPreconditioner:
 
     @called_back
     def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """F, V-cycle, F; of an unsymmetric tangent the first F has the rows in place of the
-        columns, which does not matter, as the right-hand sides of a Krylov method that begins with
-        F are zero there.
+        """Apply F, a V-cycle, and F.
+
+        For an unsymmetric tangent the first F uses the rows in place of the columns.  This does not
+        matter, as the right-hand sides of a Krylov method that starts with F are zero at the
+        contact unknowns.
         """
         assert self._contact_rows is not None
         unknowns = self._unknowns

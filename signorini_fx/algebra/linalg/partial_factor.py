@@ -1,5 +1,5 @@
-"""Partial factorisation by MUMPS, for which petsc4py has no binding: eliminate all dofs but a few,
-and get the dense Schur complement on these.
+"""Partial factorisation by MUMPS, for which petsc4py has no binding: all dofs but a few are
+eliminated, which gives the dense Schur complement on these few.
 
 Nested dissection eliminates last the nodes that separate two halves of a body.  With the halves of
 a k-d tree of the nodes' positions it is found in a fraction of the time of minimum degree, and the
@@ -40,17 +40,25 @@ _DEEPEST = 40  # halvings
 
 
 class PartialFactor:
-    """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that
-    stay, c; one rank. A load is one row and column more that stay: the factorisation condenses it,
-    and no back substitution is needed. ``rows``: of A, shape (n, n or more).
+    """A symmetric matrix with its inner unknowns i eliminated and some unknowns c retained; one
+    rank.
+
+    Each load is one more row and column that is retained: the factorisation then condenses it,
+    without a back substitution.
 
     Attributes:
-        places: of each column its place among the ``count`` that stay, -1: it is inner, or if it is
-            none of this rank empty.
-        positions: of the first unknowns, from which the order of their elimination is taken, None:
-            minimum degree. ``inner``: the m inner unknowns.
+        inner: the m inner unknowns.
         toward: A_ic, shape (m, c).
-        negative: how many eigenvalues of A_ii are, once it is factorised.
+        negative: number of negative eigenvalues of A_ii, once it is factorised.
+
+    Args:
+        rows: of A, shape (n, n or more).
+        places: for each column its position among the retained unknowns; -1: it is inner, or empty
+            if it belongs to another rank.
+        count: number of retained unknowns.
+        loads: right-hand sides to condense.
+        positions: of the first unknowns, which give the order of elimination; None: minimum degree.
+        definite: whether A_ii is positive definite.
     """
 
     negative = 0
@@ -112,7 +120,7 @@ class PartialFactor:
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
     def eliminate(self) -> tuple[Array, Array]:
-        """Factorise, once, when the caller needs the rows no more.
+        """Factorise; call it once, when the caller needs the rows no more.
 
         Returns:
             -A_ci A_ii^-1 A_ic, symmetric, shape (c, c), and -A_ci A_ii^-1 b_i of each load, shape
@@ -143,7 +151,9 @@ class PartialFactor:
         return values[:count, :count], (self._sizes / self._unit)[:, None] * values[count:, :count]
 
     def solve(self, right: Array) -> Array:
-        """A_ii^-1 times a right-hand side, shape (m,); no back substitution where it is zero."""
+        """Return A_ii^-1 times a right-hand side, shape (m,); a zero one needs no back
+        substitution.
+        """
         if not right.any():
             return np.zeros(right.size)
         self._right.set(0.0)
@@ -157,13 +167,15 @@ class PartialFactor:
 
 
 def _power(size: float) -> float:
-    """Return a power of two of this size; 1 for zero."""
+    """Return the power of two nearest to a size; 1 for zero."""
     return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
 
 
 @cache
 def _order_is_taken() -> bool:
-    """Return whether ``_factorise`` can prescribe the order: not with all versions of PETSc."""
+    """Return whether ``_factorise`` can prescribe the order of elimination, which some versions of
+    PETSc ignore.
+    """
     sample = PETSc.Mat().createSBAIJ(
         (3, 3), 1, csr=([0, 2, 3, 4], [0, 2, 1, 2], [1.0, 1.0, 1.0, 0.0]), comm=PETSc.COMM_SELF
     )
@@ -177,15 +189,15 @@ def _order_is_taken() -> bool:
 
 
 def _infog(factor: ctypes.c_void_p, number: int) -> int:
-    """Return an entry of the information that MUMPS gives about a factorisation, INFOG."""
+    """Return an entry of INFOG, the information of MUMPS about a factorisation."""
     said = ctypes.c_int()
     call("MatMumpsGetInfog", factor, number, ctypes.byref(said))
     return said.value
 
 
 def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_void_p:
-    """Factorise the first rows and columns of a symmetric matrix, in their order or by minimum
-    degree.
+    """Factorise the first ``inside`` rows and columns of a symmetric matrix, in their order or by
+    minimum degree.
     """
     broken = ctypes.c_int()
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
@@ -219,8 +231,8 @@ def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_vo
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:
-    """Complete a symmetric matrix of which MUMPS has filled the lower triangle, by columns, in
-    place.
+    """Complete a symmetric matrix in place, of which MUMPS has filled the lower triangle, by
+    columns.
     """
     values = values.T
     for k in range(0, values.shape[0], block):
@@ -236,10 +248,13 @@ _last_dissected: dict[int, Numbers] = {}
 
 
 def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
-    """Return the inner unknowns, ascending in ``inner``, in the order of nested dissection, those
-    of a node one after another, shape (m,). ``rows``: theirs, with the columns of this rank first.
+    """Return the inner unknowns in the order of nested dissection, those of a node one after
+    another, shape (m,).
 
-    ``positions``: of the first unknowns, the others are eliminated at the end.
+    Args:
+        rows: the rows of the inner unknowns, with the columns of this rank first.
+        inner: the inner unknowns, ascending.
+        positions: of the first unknowns; the others are eliminated at the end.
     """
     body = hash((rows.indptr.tobytes(), inner.tobytes(), positions.tobytes()))
     if body in _last_dissected:
@@ -269,9 +284,7 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
 
 
 def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
-    """Return the nodes of a graph of symmetric pattern in the order of their elimination, shape
-    (n,).
-    """
+    """Return the nodes of a graph of symmetric pattern in the order of elimination, shape (n,)."""
     _, piece = connected_components(
         graph, directed=True, connection="weak"
     )  # of symmetric ones the fastest
@@ -310,8 +323,8 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
 
 
 def _paths(positions: Array, piece: Indices) -> Ints:
-    """Return for each node its piece, and a bit for each halving of the piece, on which side the
-    node is, shape (n,).
+    """Return a number for each node, shape (n,): the number of its piece, followed by one bit for
+    each halving of the piece, the side on which the node is.
     """
     # Round-off must not divide nodes that are in one plane, which would make of a separating layer
     # two.

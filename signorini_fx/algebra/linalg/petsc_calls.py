@@ -1,14 +1,15 @@
-"""Calls from us to PETSc and back: functions in C that petsc4py has no binding for, and functions
-of ours that PETSc calls; and why a linear solve has failed: memory that has ended is told from a
-matrix that is singular.
+"""Calls to C functions of PETSc without a binding in petsc4py, callbacks from PETSc to Python, and
+reasons of failed linear solves.
 
-Those in C are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
+C functions are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
 
-What a function raises that PETSc calls ends the solve, and is raised again when PETSc has returned.
-An exception that passes through PETSc becomes an error code there, which may come back as another
-exception or as none; so the first one is kept.  PETSc holds bound methods weakly: petsc4py stores
-what it calls in the PETSc object, where Python's collector of cycles sees it only in some builds,
-and a solver that PETSc holds would never be freed.
+If a Python function that PETSc calls raises an exception, the solve ends, and the exception is
+raised again when PETSc has returned.  An exception that passes through PETSc becomes an error code
+there, which may come back as another exception or as none; so the first one is kept.  PETSc must
+hold bound methods weakly: petsc4py stores a callback in the PETSc object, where Python's garbage
+collector finds it only in some builds, so a solver that PETSc holds would never be freed.
+
+Lack of memory is distinguished from a singular matrix.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def call(name: str, *arguments: object) -> None:
 
 
 def memory_ended(error: BaseException) -> bool:
-    """Return whether an error says that there was not enough memory."""
+    """Return whether an error reports a lack of memory."""
     if isinstance(error, PETSc.Error):
         return error.ierr == _OUT_OF_MEMORY or (
             error.ierr == _IN_LIBRARY and bool(_BY_CHOLMOD.search(str(error)))
@@ -63,14 +64,16 @@ def memory_ended(error: BaseException) -> bool:
 
 
 def factor_lacks_memory(ksp: PETSc.KSP) -> bool:
-    """Return whether the factorisation of a linear solver, one that raises no error, had not enough
-    memory; collective.
+    """Return whether a factorisation that raises no error has failed by lack of memory;
+    collective.
     """
     return bool(ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 
 
 def unlock(vector: PETSc.Vec) -> None:
-    """Let a vector be written that PETSc has locked for a function which has raised an error."""
+    """Unlock a vector that PETSc has locked against writing for a function which has raised an
+    error.
+    """
     locked = ctypes.c_int()
     call("VecLockGet", vector, ctypes.byref(locked))
     for _ in range(locked.value):
@@ -79,7 +82,9 @@ def unlock(vector: PETSc.Vec) -> None:
 
 @contextmanager
 def unprinted() -> Iterator[None]:
-    """Let PETSc print no errors of the packages: they come as outcomes or exceptions."""
+    """Suppress PETSc's printing of errors inside the ``with`` block; they are still reported as
+    outcomes or exceptions.
+    """
     printer = ctypes.c_void_p.in_dll(_library(), "PetscErrorPrintf")
     usual = printer.value
     printer.value = ctypes.cast(_library().PetscErrorPrintfNone, ctypes.c_void_p).value
@@ -96,7 +101,9 @@ _raised: list[BaseException] = []
 
 
 def called_back(function: Callable[P, T]) -> Callable[P, T]:
-    """Mark a function that PETSc calls during a solve."""
+    """Decorate a function that PETSc calls during a solve: its first exception is kept for
+    ``solve``.
+    """
 
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -115,7 +122,7 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def weakly(method: Callable[P, T]) -> Callable[P, T]:
-    """Return a bound method for PETSc to call, which does not keep its object."""
+    """Return a callback for a bound method that does not keep its object alive."""
     held = weakref.WeakMethod(method)
 
     def alive(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -127,8 +134,8 @@ def weakly(method: Callable[P, T]) -> Callable[P, T]:
 
 
 def solve(solver: Callable[[*_Arguments], None], *arguments: *_Arguments) -> None:
-    """Call a solver of PETSc that calls back, such as ``snes.solve``; the first exception that a
-    function raised that PETSc called is raised.
+    """Call a PETSc solver that calls Python functions, such as ``snes.solve``, and raise the first
+    exception that one of these functions has raised.
     """
     _raised.clear()
     collecting = gc.isenabled()

@@ -1,4 +1,4 @@
-"""PETSc options: one prefix, and the user's take precedence over the defaults."""
+"""PETSc options: their prefix, and our defaults, over which options of the user take precedence."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _WATCHING = ("monitor", "view", "converged_reason")
 
 
 def user_sets(*starts: str) -> bool:
-    """Return whether the user has set any option whose name begins with one of these (without
-    prefix), monitors excepted.
+    """Return whether the user has set any option whose name (without prefix) begins with one of
+    ``starts``, monitors excepted.
     """
     names = [
         name.removeprefix(PREFIX) for name in PETSc.Options().getAll() if name.startswith(PREFIX)
@@ -56,8 +56,8 @@ def user_chooses_solver() -> bool:
 
 @contextmanager
 def defaults(values: Mapping[str, str | None] = _OF_FACTORS) -> Iterator[None]:
-    """Set options, those of factorisations, while PETSc reads them, unless the user has set
-    them.
+    """Set options, by default those of factorisations, while PETSc reads them, unless the user has
+    set them.
     """
     options = PETSc.Options(PREFIX)
     ours = [name for name in values if not options.hasName(name)]
@@ -74,7 +74,7 @@ def refuse_exchanged() -> None:
     """Refuse options with which PETSc would not run the Newton method of this package.
 
     Raises:
-        OptionsError: one of them does so; the message names it.
+        OptionsError: the user has set such an option; the message names it.
     """
     for name, value in PETSc.Options(PREFIX).getAll().items():
         harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
@@ -87,8 +87,8 @@ def refuse_exchanged() -> None:
 
 
 def refused(error: PETSc.Error) -> OptionsError | None:
-    """Return the message for an error of PETSc that options of the user may have caused; None if
-    there are none.
+    """Return an error to raise for a PETSc error that options of the user may have caused; None if
+    the user has set none.
     """
     user_options = {
         name: value or ""

@@ -1,5 +1,5 @@
-"""Unknowns of rigid bodies for multigrid: the last k of the system, on its last rank, which contact
-alone acts on.
+"""Unknowns of rigid bodies for multigrid: the last k of the system, on its last rank, on which only
+contact acts.
 
 They are on every level.  Where contact holds the nodes, a coarse function moves a rigid body and
 these nodes with it: with E of ``multigrid`` and motions G of the contact unknowns for which B (G,
@@ -20,9 +20,12 @@ from signorini_fx.tuned import KRYLOV_STEPS, SAME_NUMBER
 
 
 def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
-    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements.
+    """Return [Q 0], from the unknowns of ``whole`` to displacements.
 
-    ``rotation``: Q, from the unknowns of ``own``, None: the identity.
+    Args:
+        rotation: Q, from the unknowns of ``own``; None: the identity.
+        own: matrix of the displacements, whose unknowns come first on each rank.
+        whole: matrix of all unknowns.
     """
     rows = own.getSizes()[0]
     first = own.getOwnershipRange()[0]
@@ -40,8 +43,13 @@ def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> P
 
 
 def bordered(matrix: PETSc.Mat, free: Flags, entries: Array) -> PETSc.Mat:
-    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one;
-    collective.
+    """Return [A 0; 0 D] with one more row for each unknown of a rigid body and one more column for
+    each free one; collective.
+
+    Args:
+        matrix: A.
+        free: which unknowns of rigid bodies are free.
+        entries: of D, for the free ones.
     """
     (rows, _), (columns, total_columns) = matrix.getSizes()
     starts, names, values = matrix.getValuesCSR()
@@ -57,8 +65,13 @@ def bordered(matrix: PETSc.Mat, free: Flags, entries: Array) -> PETSc.Mat:
 
 
 def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) -> PETSc.Mat:
-    """[1, -G; 0, 0] on the contact unknowns of this rank, ``places``, of which the last are those
-    of rigid bodies: how nodes move relative to these; collective.
+    """Return [1, -G; 0, 0] on the contact unknowns of this rank: the motion of nodes relative to
+    the rigid bodies; collective.
+
+    Args:
+        contact: the contact map.
+        places: numbers of the contact unknowns, those of rigid bodies last.
+        rigid: number of unknowns of rigid bodies on this rank.
     """
     comm = places.comm
     unknowns = places.getIndices()

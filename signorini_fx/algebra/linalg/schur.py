@@ -1,10 +1,10 @@
-"""The Schur complement on any number of ranks: each eliminates what is its own, and all what
-separates them.
+"""The Schur complement on any number of ranks: each rank eliminates its own unknowns, and all ranks
+eliminate those that separate them.
 
-The unknowns of a rank that couple with those of a later one are the border.  Without it, and
-without the unknowns that stay, no two ranks couple, so that each factorises alone the matrix of its
-others, which need no messages.  What is left is dense, the border as long as a cut through the
-body; every rank has all of it and eliminates the border.
+The unknowns of a rank that couple with those of a later one are the border.  Without the border and
+without the retained unknowns, no two ranks couple, so that each factorises the matrix of its other
+unknowns alone, without messages.  The remaining matrix is dense, and the border is as long as a cut
+through the body; every rank has the whole matrix and eliminates the border.
 
 Source: Przemieniecki, AIAA J. 1 (1963) 138-147.
 """
@@ -27,17 +27,22 @@ from signorini_fx.machine import parallel
 class SchurComplement:
     """A condensed onto some of its unknowns; collective, as all its methods are.
 
-    ``matrix``: A, symmetric, of which A_ii must be regular, on several ranks positive definite;
-    ``retained``: local numbers of the dofs c of this rank that stay; those of all ranks stacked are
-    in the order of the dense matrix;
-    ``loads``: right-hand sides b, the entries of this rank; ``positions``: see ``PartialFactor``.
-
     Attributes:
+        matrix: A.
+        retained: local numbers of the retained dofs of this rank.
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
         loads: b_c - A_ci A_ii^-1 b_i of each load, shape (loads, c), the same on all ranks.
-        between: of each load what it is to the border, eliminated, shape (loads, border), the same
-            on all ranks.
+        between: the part of each load at the border, after elimination, shape (loads, border), the
+            same on all ranks.
         regular: whether A_ii is positive definite.
+
+    Args:
+        matrix: A, symmetric; A_ii must be regular, on several ranks positive definite.
+        retained: local numbers of the retained dofs c of this rank; those of all ranks stacked are
+            in the order of the dense matrix.
+        loads: right-hand sides b, the entries of this rank.
+        positions: see ``PartialFactor``.
+        definite: whether A is positive semi-definite.
 
     Raises:
         PETSc.Error: PETSc has no MUMPS, or a factorisation broke down.
@@ -112,8 +117,10 @@ class SchurComplement:
         self._condensed = (loads[-1][self._factor.inner], condensed[-1]) if len(loads) else None
 
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
-        """Another load as one of ``loads``, and as one of ``between``: one back substitution, or
-        none where the last load was the same but for unknowns that stay.
+        """Return another load as one of ``loads``, and as one of ``between``.
+
+        This takes one back substitution, or none if the last load differed only at retained
+        unknowns.
         """
         values = load.getArray(readonly=True)
         inner = values[self._factor.inner]
@@ -122,9 +129,12 @@ class SchurComplement:
         return self._onto_retained(values, self._condensed[1])
 
     def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
-        """Return all unknowns, from those of this rank that stay: one back substitution.
+        """Return all unknowns from the retained ones by one back substitution.
 
-        ``between``: of this load.
+        Args:
+            load: the load.
+            between: the part of this load at the border.
+            values: the retained unknowns of this rank.
         """
         at_joint = np.zeros(self._size)
         result = load.duplicate()
@@ -145,9 +155,11 @@ class SchurComplement:
         return result
 
     def _joined(self, beyond: sp.csr_array, dense: Array) -> Array:
-        """Return the matrix of the joint unknowns.
+        """Return the matrix of the joint unknowns, which are the border and the retained ones.
 
-        ``beyond``: entries of all ranks, ``dense``: of those it touches.
+        Args:
+            beyond: entries of A between joint unknowns, of all ranks.
+            dense: Schur complement of this rank on the joint unknowns that it touches.
         """
         if self._comm.size == 1:
             entries = sp.coo_array(beyond)
@@ -159,8 +171,8 @@ class SchurComplement:
         return matrix
 
     def _eliminate_border(self, matrix: Array) -> Array:
-        """Return the matrix of the joint unknowns without the border, whose factor and coupling
-        stay.
+        """Eliminate the border from the matrix of the joint unknowns, and keep its factor and
+        coupling.
         """
         cut = self._cut
         try:
@@ -173,9 +185,12 @@ class SchurComplement:
         return matrix[cut:, cut:] - self._across.T @ self._across if cut else matrix
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
-        """Return a load at all that stay without the border, and at the border.
+        """Return a load at the retained unknowns after elimination of the border, and at the
+        border.
 
-        ``part``: of its inner unknowns.
+        Args:
+            load: the entries of this rank.
+            part: the contribution of its inner unknowns.
         """
         joint_load = np.concatenate(
             [
@@ -191,7 +206,7 @@ class SchurComplement:
         return joint_load[self._cut :] - self._across.T @ between, between
 
     def _parts(self, places: Ints, values: Array) -> Iterator[tuple[Ints, Array]]:
-        """Return numbers of joint unknowns of each rank, and its values there, flat."""
+        """Return, for each rank, numbers of joint unknowns and its values there, flat."""
         gathered = [parallel.gather_rows(self._comm, rows) for rows in (places, np.ravel(values))]
         ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
         return zip(
@@ -200,8 +215,8 @@ class SchurComplement:
 
 
 def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Ints]:
-    """Return the rows of this rank, their columns those of this rank first, then those of others,
-    and the names of these.
+    """Return the rows of this rank with its own columns first, then those of other ranks, and the
+    global numbers of the latter.
     """
     first, last = matrix.getOwnershipRange()
     starts, columns, values = matrix.getValuesCSR()
@@ -220,7 +235,7 @@ def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Ints]:
 
 
 def _places_in(names: Ints, wanted: Ints) -> Ints:
-    """Return the position of each of some names among others, -1: it has none."""
+    """Return the position of each wanted name among ``names``; -1 if it is not there."""
     order = np.argsort(names)
     places = order[np.minimum(np.searchsorted(names[order], wanted), names.size - 1)]
     places[names[places] != wanted] = -1

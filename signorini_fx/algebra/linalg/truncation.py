@@ -1,16 +1,16 @@
-"""The levels of a hierarchy truncated where contact holds the body: what ``multigrid`` says of
-A_1', A_2', ...
+"""The levels of a hierarchy truncated where contact holds the body: the matrices A_1', A_2', ... of
+``multigrid``.
 
 With E the projections onto the directions that contact holds, a block for each point, and C' the
 soft rest of its stiffness, X = S E G.  On a rigid foundation points are nodes, S = 1 and G = P_c.
-Of two bodies S goes from relative displacements at the points back to the unknowns of the side with
-the points, B S = 1, and G = B P_c: then contact does no work on P - X as far as it is stiff, while
-truncation of both sides would clamp the interface in 3D.  As C' is zero where E is not,
+For two bodies S goes from relative displacements at the points back to the unknowns of the side
+with the points, B S = 1, and G = B P_c: then contact does no work on P - X as far as it is stiff,
+while truncation of both sides would clamp the interface in 3D.  As C' is zero where E is not,
 
     A_1' = A_1 + G^T (E K E + C') G - G^T E V - V^T E G,   K = S^T A_cc S,   V = S^T (A P)_c.
 
-Nothing but the blocks that contact matrices have at the nodes changes from one tangent to the next.
-So the pattern of each product is found once, which takes five to ten times as long as its numbers.
+From one tangent to the next only the blocks change that contact matrices have at the nodes. So the
+pattern of each product is found once, which takes five to ten times as long as its numbers.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ from signorini_fx.tuned import NOTHING_LEFT
 
 
 def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
-    """Projections E onto the directions that contact holds, and the rest of what it adds to the
-    stiffness, blocks of shape (n, d, d).
+    """Return projections E onto the directions that contact holds, and the rest of its stiffness,
+    blocks of shape (n, d, d).
 
-    ``added``: relative to ``scale``, force per length, shape (n,).
+    Args:
+        added: stiffness of contact relative to ``scale``, shape (n, d, d).
+        scale: force per length, shape (n,).
     """
     # The blocks of the monolithic method are not symmetric: what they hold is what they do not map
     # to nearly zero.
@@ -47,13 +49,21 @@ def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
 
 
 class NodalBlocks:
-    """The blocks that contact matrices have at the nodes of this rank, which have those of their
-    ``size`` unknowns that are contact unknowns, ``unknowns`` in the local part of x, ascending;
-    blocks are of shape (nodes, size, size), with zeros for the others. ``starts``, ``columns``: the
-    rows of a matrix with these blocks, columns by their place in ``unknowns``.
+    """The diagonal blocks that contact matrices have at the nodes of this rank.
+
+    Only some of the ``size`` unknowns of a node may be contact unknowns; blocks have shape (nodes,
+    size, size), with zeros for the others.
 
     Attributes:
+        shape: of the blocks.
+        starts: row starts of a sparse matrix with these blocks.
+        columns: its columns, as positions in ``unknowns``.
         scale: mean stiffness of each node, force per length.
+
+    Args:
+        elastic: A_cc, the elastic matrix of the contact unknowns.
+        unknowns: the contact unknowns in the local part of x, ascending.
+        size: unknowns of a node.
     """
 
     def __init__(self, elastic: PETSc.Mat, unknowns: Ints, size: int) -> None:
@@ -86,9 +96,11 @@ class NodalBlocks:
         return blocks[node, row, column]
 
     def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """Return the matrix with these blocks; collective.
+        """Return the sparse matrix with these blocks; collective.
 
-        ``into``: an earlier one, which is filled again.
+        Args:
+            blocks: shape (nodes, size, size).
+            into: an earlier matrix to fill again; None: a new one is made.
         """
         empty_rows = self._sizes[0][0] - self._node.size
         csr = (
@@ -103,7 +115,7 @@ class NodalBlocks:
         return into
 
     def _blocks(self, matrix: PETSc.Mat) -> Array:
-        """Return the blocks of a matrix like A_cc."""
+        """Return the nodal blocks of a matrix with the unknowns of A_cc."""
         starts, columns, values = matrix.getValuesCSR()
         row = np.repeat(np.arange(self._node.size), np.diff(starts[: self._node.size + 1]))
         column = columns[: row.size] - self._first
@@ -121,12 +133,12 @@ class NodalBlocks:
 
     def split(self, contact: PETSc.Mat, rows: PETSc.Mat | None = None) -> tuple[Array, Array]:
         """Return what contact adds to A at each node: projections E onto the directions that it
-        holds, and the rest of it, shapes (n, d, d).
+        holds, and the rest of its stiffness, shape (n, d, d) each.
 
         Args:
-            contact: (A + C)_cc, where the row and column of a constraint are empty but for the
+            contact: (A + C)_cc, where the row and column of a constraint are empty except for the
                 diagonal.
-            rows: those of A + C at the contact unknowns; None: there are no constraints.
+            rows: the rows of A + C at the contact unknowns; None: there are no constraints.
         """
         added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
         if rows is None:
@@ -147,8 +159,9 @@ class NodalBlocks:
         return stiff_and_soft(added, self.scale)
 
     def inverse(self, held: Array) -> Array:
-        """Return the inverse of the diagonal of A on the directions that are not held; the soft
-        part of contact in it saves no steps.
+        """Return the inverse of the diagonal of A on the directions that are not held.
+
+        Including the soft part of contact would save no iterations.
         """
         size = self.shape[1]
         present = self._components()
@@ -161,14 +174,21 @@ class NodalBlocks:
 
 
 class TruncatedLevels:
-    """(I - E) P_0, ``interpolation``, and the coarse matrices A_1', A_2', ..., which change in
-    place.
+    """The truncated interpolation (I - E) P_0 and the coarse matrices A_1', A_2', ..., which change
+    in place.
 
     Attributes:
-        lift: S, None: the unit matrix.
+        interpolation: (I - E) P_0.
+        coarse: A_1', A_2', ....
+
+    Args:
+        blocks: the nodal blocks of contact.
+        lift: S; None: the unit matrix.
         functions: G.
         elastic: A_cc.
         product: (A P)_c.
+        interpolations: P_0, P_1, ... of the hierarchy.
+        coarse: A_1, A_2, ... of the hierarchy.
         places: c, numbers of the contact unknowns of this rank.
     """
 
@@ -240,7 +260,7 @@ class TruncatedLevels:
             level.setOption(PETSc.Mat.Option.SPD, True)
 
     def _in_all_rows(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Return a matrix with rows at the contact unknowns as one with rows at all unknowns;
+        """Return a matrix with rows at the contact unknowns as a matrix with rows at all unknowns;
         collective.
         """
         first, last = self.interpolation.getOwnershipRange()
@@ -251,7 +271,7 @@ class TruncatedLevels:
         return PETSc.Mat().createAIJ(self.interpolation.getSizes(), csr=csr, comm=matrix.comm)
 
     def truncate(self, held: Array, soft: Array) -> None:
-        """Truncate the levels anew by E, ``held``, and C', ``soft``, force per length;
+        """Truncate the levels again for E, ``held``, and C', ``soft``, force per length;
         collective.
         """
         self._blocks.matrix(held, self._held)

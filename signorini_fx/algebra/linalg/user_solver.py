@@ -1,9 +1,10 @@
-"""Linear solvers of other packages: named by a scene, found as entry points, and not trusted.
+"""Linear solvers of other packages, named in a scene and found as entry points; their results are
+checked.
 
-A solver is a class that has ``set_up`` and ``solve``, see ``LinearSolver``, and is made without
-arguments; an installed package names it in the group ``signorini_fx.linear_solvers``.  FGMRES takes
-what it returns as a preconditioner and goes on until the residual is small against the forces: one
-that is not exact costs steps, not digits.
+A solver is a class with ``set_up`` and ``solve``, see ``LinearSolver``, which is created without
+arguments; an installed package names it in the group ``signorini_fx.linear_solvers``.  FGMRES uses
+it as a preconditioner until the residual is small relative to the forces: an inexact solver costs
+iterations, but no accuracy.
 """
 
 from __future__ import annotations
@@ -24,18 +25,19 @@ class LinearSolver(Protocol):
     """Solves J x = b for the stiffness with the contact blocks; both methods are collective."""
 
     def set_up(self, matrix: PETSc.Mat) -> None:
-        """Take J, which is new: sparse, of the ranks of the body, symmetric unless friction makes
-        it otherwise.
+        """Take a new matrix J: sparse, distributed over the ranks of the body, symmetric unless
+        friction makes it unsymmetric.
         """
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Write the solution, or something near it, into x."""
+        """Write the solution, or an approximation of it, into x."""
 
 
 @called_back
 def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-    """Call a solve diverged if its residual is not as small as FGMRES believes: where a solver
-    returns nothing new that breaks down, and takes its own estimate.
+    """Mark a solve as diverged if its residual is larger than FGMRES estimates.
+
+    If a solver returns nothing new, FGMRES breaks down and trusts its own estimate.
     """
     allowed = NO_FORCE * b.norm() + 10 * ksp.getTolerances()[1]
     if ksp.getConvergedReason() > 0 and not (b - ksp.getOperators()[0] * x).norm() <= allowed:
@@ -44,19 +46,25 @@ def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
 
 @dataclass
 class UserSystem(ElasticSystem):
-    """All unknowns, and a linear solver of another package, which ``solver`` makes."""
+    """The system of all unknowns with a linear solver of another package.
+
+    Attributes:
+        solver: the class of the solver.
+    """
 
     solver: type[LinearSolver] | None = None
 
     @classmethod
     def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
-        """Return the system as it was assembled, with the solver of this name."""
+        """Return the system as assembled, with the solver of this name."""
         system = cls.of(elasticity)
         system.solver = load(LINEAR_SOLVERS, name)
         return system
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """FGMRES with the solver as its preconditioner, to a residual against the forces."""
+        """Set FGMRES with the solver as its preconditioner, and a tolerance relative to the
+        forces.
+        """
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         assert self.solver is not None
@@ -78,8 +86,8 @@ class UserSystem(ElasticSystem):
     def keep_factor(
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
     ) -> bool:
-        """Return whether the factor is kept, as for the same matrix; the residual is measured
-        against the forces.
+        """Return whether the factor is kept, which is so for an unchanged matrix; set the tolerance
+        relative to the forces.
         """
         if not petsc_options.user_sets("ksp_"):
             ksp.setTolerances(rtol=ZERO_COMPONENT, atol=LEFT_BY_SOLVES * forces)
