@@ -184,7 +184,7 @@ class RegularisedProblem:
         self._forced_first = first_sets is not None
         if (
             data.bound is not None
-        ):  # sets of the previous problem may slip where this one has no limit
+        ):  # sets of the previous problem may slip where this bound is infinite
             self.sets = self.sets.sticking(np.isinf(data.bound))
         if first_sets is not None:
             first = release(first_sets, data)
@@ -232,8 +232,8 @@ class RegularisedProblem:
             pressure = pressure + pulled[:, 0]
             shear = shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
-        # The forces are the scale of the residual.  A prescribed row has the value times any
-        # factor, no force; beside it only what is no rigid motion acts.
+        # The forces are the scale of the residual.  Prescribed rows are left out, as their entries
+        # are no forces, and so are the forces due to prescribed values.
         acting = [self._acting(f), self._load_size, ATTAINABLE_SHARE * self._stiffness * x.norm()]
         if self.system.contact.paired:
             area = float(
@@ -278,8 +278,8 @@ class RegularisedProblem:
         alone = self.points.felt(shear)
         felt = self.points.felt(shear, pressure)
         felt_ratio = quotient(felt, alone, otherwise=1.0)
-        # What follows the pressure of nodes that supports press into the foundation is no scale for
-        # others, nor is what a pressure and a shear undo in each other.
+        # Friction due to the pressure of nodes that supports press into the foundation is no scale
+        # for other nodes, nor are pressures and shears that cancel each other.
         felt = np.maximum(
             felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt
         )
@@ -301,7 +301,7 @@ class RegularisedProblem:
         if self.groups.count == 1:
             return scales
         floors = self.groups.largest(self.round_off(x))
-        # Where no group carries more than that, nothing is pressed, and only a change tells
+        # If no group carries more than that, nothing is pressed, and only changes distinguish
         # round-off from convergence.
         return np.maximum(scales, floors) if np.any(scales > floors) or self.bonds_alone else scales
 
@@ -391,12 +391,12 @@ class RegularisedProblem:
         resultant = self.system.resultant
 
         def escaping() -> Status | None:
-            if self._escaping is None:  # until the data change
+            if self._escaping is None:  # kept until the data change
                 data = self.data
                 law = data.follows or as_given(
                     np.zeros(points.size) if data.bound is None else data.bound
                 )
-                # Strains change the gaps: without a load there are none.
+                # The gaps are those of the body only without a load, as strains would change them.
                 at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
                 gap = data.gap if at_rest else None
                 self._escaping = (no_balance(law, data.bilateral, motions, resultant, gap),)
@@ -424,8 +424,8 @@ class RegularisedProblem:
         """Return the traction that the penalty makes of a negligible share of the largest
         displacement of two bodies, stress.
         """
-        # What is prescribed is none of a body that follows: a rigid body that is driven far would
-        # be a scale of its friction.
+        # Prescribed displacements are left out: the long path of a driven rigid body is no scale
+        # for friction.
         free = x.copy()
         free.getArray()[self.system.contact.fixed] = 0.0
         gamma = max(self.data.gamma_n, self.data.gamma_t)

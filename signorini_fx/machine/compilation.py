@@ -29,10 +29,10 @@ _NEEDED = (
     "it takes a C compiler, such as gcc, and a folder that can be written, which "
     "XDG_CACHE_HOME names"
 )
-# What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may
-# hold thousands.
+# Forms that this process has loaded, by folder and name: FFCx would list the folder, which may hold
+# thousands of files.
 _LOADED: dict[tuple[str, str], Any] = {}
-# Wall seconds that this process has compiled for, and when it has begun to, while it does.
+# Wall seconds spent on compilation by this process, and the start time of a running compilation.
 _SPENT = [0.0]
 _BEGUN: list[float] = []
 
@@ -54,7 +54,7 @@ def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
     from signorini_fx.machine.compat import shared_cells
 
     try:
-        # What a handler raises in the middle of a compilation would be taken for a mistake in the
+        # An exception of a signal handler during a compilation would look like a mistake in the
         # form.
         with signals.deferred(), _locks(), shared_cells():
             try:
@@ -121,13 +121,13 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
         return
     # One byte of the file stands for one form.
     byte = zlib.crc32(module.encode())
-    while not _compiled(folder, module):  # what compiled it may hold its lock a little longer
+    while not _compiled(folder, module):  # its compiler may still hold the lock
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
-        except OSError:  # that of another process
+        except OSError:  # another process holds the lock
             pass
         else:
-            # A program without locks has begun less than its own patience ago, or is gone.
+            # A program without locks is assumed to have ended after ``patience``.
             if not 0.0 <= _age(_files(folder, module)[0]) < patience:
                 for unfinished in _files(folder, module):
                     unfinished.unlink(missing_ok=True)

@@ -47,7 +47,7 @@ def ours(folder: Path) -> set[str]:
     """Return the paths, relative to the folder, of the files that its manifest lists, and of the
     manifest.
     """
-    # What a manifest says of places outside, also by way of links, does not count.
+    # Entries that lead outside the folder, also through links, are ignored.
     listed = {name for name in _lines(folder) if _within(folder, name)}
     return listed.union(name for name in (MANIFEST, _NEW) if (folder / name).is_file())
 
@@ -121,7 +121,7 @@ def _within(folder: Path, name: str) -> bool:
 
 
 def _remove_empty(inner: Path, folder: Path) -> None:
-    with contextlib.suppress(OSError):  # there is something in it
+    with contextlib.suppress(OSError):  # the folder is not empty
         while inner != folder:
             inner.rmdir()
             inner = inner.parent

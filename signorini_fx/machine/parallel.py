@@ -40,8 +40,8 @@ def clock(comm: MPI.Comm) -> float:
 
 def peak_memory(comm: MPI.Comm) -> float:
     """Return the largest resident memory so far, summed over the ranks, MB; collective."""
-    # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its
-    # large parent.
+    # Linux passes ru_maxrss on through fork and exec: a small child process would report the value
+    # of its large parent.
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
         megabytes = int(status.split("VmHWM:")[1].split()[0]) / 1024
@@ -77,7 +77,7 @@ def sums_by(comm: MPI.Comm, numbers: Ints, values: Array, count: int) -> Array:
     """
     total = np.zeros(
         (count, values.shape[1])
-    )  # a float on a rank without values too, where bincount gives integers
+    )  # float on every rank: bincount gives integers on a rank without values
     for column in range(values.shape[1]):
         total[:, column] = np.bincount(numbers, values[:, column], minlength=count)
     return global_sum(comm, total)

@@ -143,8 +143,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
     }
 
 
-# Figures that are never null but after a failed solve; where others are null, there is nothing of
-# the kind.
+# Figures that are null only after a failed solve; null elsewhere means that there is no such
+# figure.
 _ALWAYS_NUMBERS = ("certificate", "moment")
 
 

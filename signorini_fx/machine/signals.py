@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-# Those that a terminal, mpirun, a batch system or a timer sends.
+# Signals that a terminal, mpirun, a batch system or a timer sends.
 _DEFERRED = (
     signal.SIGINT,
     signal.SIGTERM,
@@ -24,7 +24,7 @@ _DEFERRED = (
     signal.SIGUSR2,
 )
 _handlers: dict[int, Any] = {}
-# Those that wait to be served: number, and what Python ran.
+# Deferred signals: number, and the frame that Python was executing.
 arrived: list[tuple[int, FrameType | None]] = []
 _deferring = False
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 _RANK = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 _lost = False
-# Of a terminal that nobody has made wider, which is what short answers are written for.
+# Width of a default terminal, for which short answers are written.
 COLUMNS = 80
-# Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole
+# Control characters of ASCII and of Latin-1, those that change the direction of writing, and whole
 # escape sequences.
 _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)"
@@ -85,8 +85,8 @@ _COLOURS = {
 
 
 def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """Print on standard output or standard error; a stream that cannot be written is silently
-    closed.
+    """Print on standard output or standard error; after a write error the stream is redirected to
+    the null device.
 
     Args:
         output: a text, printed as it is, or lines, which a terminal shows in colour.

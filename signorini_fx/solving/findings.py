@@ -82,7 +82,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
         yield from equilibrium(body, [k for k in range(len(body.path.times)) if k <= reached])
     yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
-        if static or reached == np.inf:  # that of a time step is none of the scene
+        if static or reached == np.inf:  # the gap during motion is no property of the scene
             yield from _gaps(
                 body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)
             )
@@ -411,7 +411,7 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
         pressing.append(moved + (motions[1] * pushed / total if total > 0 else 0.0))
     largest = float(np.abs(pressing).max())
     parts = body.path.steps or 1
-    if largest <= NOTABLE * sum(motions):  # foundations move, and say so by themselves
+    if largest <= NOTABLE * sum(motions):  # the foundations move, not the body
         return 1.0 / body.path.expected
     increments = np.abs(np.diff(pressing)) / largest
     return float(increments.max()) / parts
@@ -586,7 +586,7 @@ def _message(rows: Array, depth: float, size: float) -> str:
         depth: the largest depth, length.
         size: of the body, length.
     """
-    # The first of those that are as deep, whatever the number of ranks.
+    # The first of the deepest nodes by position, independently of the number of ranks.
     most = rows[rows[:, 0] >= depth - SAME_LENGTH * size]
     length, bilateral, *place = most[np.lexsort(most[:, 2:].T[::-1])[0]]
     at = ", ".join(rounded(c, size) for c in place)
@@ -716,7 +716,7 @@ def errors_of_steps(
             yield Finding("warning", "load_steps.time_accuracy", message)
         return
     advice = f"{STEPS_UNESTIMATED}: set load_steps.time_accuracy"
-    # Those that relax are others at another time.
+    # For materials that relax ``at_time`` returns another object.
     memory = [one for one in statement.material if getattr(one, "state_size", 0)]
     if any(one.at_time(0.5) is not one for one in memory):
         changed = []
@@ -825,7 +825,7 @@ def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str
     if held and outcome.status is not Status.OPEN:
         return None
     loose = task.idle
-    if len(loose) < len(task.motions.assemblies):  # what a load moves away lies beside them
+    if len(loose) < len(task.motions.assemblies):  # the other bodies are loaded
         loose = task.motions.untouched(
             loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1))
         )
@@ -926,4 +926,4 @@ def refuse_beforehand(model: Model) -> None:
     if model.boundary is not None:
         model.first_sets()
     if model.settings.error_bound:
-        add_on("error_bound")  # not after hours
+        add_on("error_bound")  # fail now, not after hours

@@ -92,7 +92,8 @@ def start_of(
     start, before = (
         _first(posed, state) if state.contact is None else _following(posed, state, state.contact)
     )
-    # Where the iterate begins; None: with what supports prescribe, which would tear bonds.
+    # State at which the iterate starts; None: at the prescribed displacements, which would tear
+    # bonds.
     begins = None if state.contact is None and posed.first.data.bond is None else state
     if guess is not None and guess.number == state.number + 1 and _fits(guess.contact, boundary):
         if posed.linear:
@@ -131,7 +132,7 @@ def _first(posed: Posed, state: State) -> tuple[Start, PreviousStep | None]:
     before = PreviousStep(
         fem.Function(posed.body.space), Tractions.none(boundary), moved=posed.drift
     )
-    # That of a body that contact alone holds is not zero where it has come to rest.
+    # The slip origin of a body that only contact holds is not zero at its reference motion.
     origin = first.data.slip_origin + _along(boundary, posed.drift)
     return replace(first, data=replace(first.data, slip_origin=origin)), before
 
@@ -285,7 +286,7 @@ def solution_of(
         for gamma_n, gamma_t in (state.gammas or gammas, gammas)
     )
     if start.law is not None:
-        # The method may have ended with the bound of the pressure before.
+        # The method may have ended with the friction bound of the previous pressure.
         slip = u_t - start.data.slip_origin
         bound, _, _ = start.law.evaluate(pressure, length(slip))
         bound = np.where(sets.slip, inner(shear, sets.direction), bound)
@@ -387,7 +388,7 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
     identity = np.eye(later.shape[1])
     cosine = inner(earlier, later)
     both = earlier + later
-    # A plane that has turned over has no least rotation: then directions stay as they are.
+    # For opposite normals the smallest rotation is not unique: then directions are kept.
     turns = (earlier != later).any(axis=1) & (1 + cosine > ROOT_OF_EPS)
     across = np.einsum("ni,nj->nij", both, both) / np.where(turns, 1 + cosine, 1.0)[:, None, None]
     rotation = identity + np.where(

@@ -48,8 +48,8 @@ class PathIncrements:
     def __init__(self, path: LoadPath) -> None:
         self.path = path
         self.nominal = 1.0 / (path.steps or 1)
-        # A list of several factors begins with one step to the first of them, in which slip is
-        # counted from rest.
+        # A list of several load factors starts with one step to the first of them, in which slip
+        # counts from the body without loads.
         self.reached = -1.0
         self.increment = self.nominal if path.from_nothing else 1.0
 
@@ -103,8 +103,6 @@ class Increments(PathIncrements):
         last: linear solves of the last load step.
     """
 
-    # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves
-    # of the last one.
     stored_names = (*PathIncrements.stored_names, "easy", "last")
 
     def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
@@ -129,7 +127,7 @@ class Increments(PathIncrements):
         """Number of linear solves that the next load step may take."""
         if not self._divisible:
             return step_limit(self._iterations)
-        # One at which nothing changes takes two, which is no measure for one that fails.
+        # A step in which no set changes takes two solves, too few as a measure for one that fails.
         before_smaller = FAILED_STEP * (
             max(self.last, EASY_STEP) if self.last else self._iterations
         )
@@ -151,7 +149,7 @@ class Increments(PathIncrements):
         """
         return (
             not self._divisible
-            or status in (Status.CORNER, Status.JUMPS)  # in a shorter one all the more
+            or status in (Status.CORNER, Status.JUMPS)  # which shorter steps do not avoid
             or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
         )
 
@@ -182,7 +180,7 @@ class Increments(PathIncrements):
         return True
 
 
-# What smaller steps of a nonlinear body do not change.
+# Outcomes that smaller steps of a nonlinear body do not change.
 FINAL = (
     Status.CORNER,
     Status.STABILITY_UNKNOWN,
@@ -204,10 +202,9 @@ class HalvedIncrements(PathIncrements):
         cut: the shortest time step that effects have required and that has failed.
     """
 
-    # ``last``: linear solves of the last load step, 0: there was none.
     stored_names = (*PathIncrements.stored_names, "last")
     last = 0
-    cut = inf  # the shortest time step that effects have asked for and that has failed
+    cut = inf  # the shortest failed time step that effects have required
 
     @property
     def _least(self) -> float:

@@ -81,10 +81,8 @@ class MeshedProblem(ABC):
 
     comm: MPI.Comm  # the ranks that share the work
     history: History  # of all meshes
-    remakes: bool = False  # whether gmsh makes cells anew where the error is large
-    coarsest: float = (
-        1.0  # how many times larger than those that were stated the cells of the first mesh are
-    )
+    remakes: bool = False  # whether gmsh makes a new mesh, finer where the error is large
+    coarsest: float = 1.0  # size of the cells of the first mesh, relative to the stated size
     polygonal: bool = False  # whether straight facets stay although the shape may be curved
     in_parts: bool = False  # whether some of several bodies may be made anew on true arcs
 
@@ -180,7 +178,7 @@ class MeshedProblem(ABC):
         body = solution.model
         table = solution.table
         task = solved.task
-        # Of the load steps that all meshes have in common.
+        # Contact states of the load steps that all meshes have in common.
         contacts = [
             step.contact for step in solution.steps if step.contact and step.place.is_integer()
         ]
@@ -324,9 +322,7 @@ def solve_nested(
                 levels.pop()
             polygon = problem.polygon_error(solved, polygon)
             levels.append(with_polygon(solved.level, polygon))
-        if (
-            number + 1 < count
-        ):  # on the next mesh nothing else of this one is needed, least of all its multigrid
+        if number + 1 < count:  # to free memory, as the next mesh needs nothing else of this one
             del solved, solution
     if certified is not None and unsolved is not None:
         solution = unsolved.leaves(certified, history)
@@ -355,8 +351,8 @@ def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> Sta
     ]
     dim = boundary.x.shape[1]
     rows = parallel.gather_rows(boundary.comm, np.column_stack(columns)[boundary.at_nodes])
-    # Of neighbours at the same distance the search takes those that come first: in no order of the
-    # ranks.
+    # Of equally distant neighbours the search takes the first ones, so they are sorted by position,
+    # independently of the ranks.
     rows = rows[np.lexsort(rows[:, dim::-1].T)]
     contact = np.zeros(fine.size, dtype=bool)
     direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
@@ -365,12 +361,12 @@ def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> Sta
     for part in np.unique(fine.part):
         on_part = fine.part == part
         coarse_rows = rows[rows[:, 0] == part]
-        if not len(coarse_rows):  # on a boundary of one facet, all of whose nodes had no points
+        if not len(coarse_rows):  # for example a boundary of one facet without contact points
             contact[on_part] = True
             continue
-        # Two neighbours: a node in the middle between two sets joins the one that constrains it
-        # more, contact and stick; the iteration releases superfluous nodes faster than it finds
-        # missing ones.
+        # Two neighbours are used: a node in the middle between two sets joins the one that
+        # constrains it more, contact and stick, as the iteration releases superfluous nodes faster
+        # than it finds missing ones.
         count = min(2, len(coarse_rows))
         places = cKDTree(coarse_rows[:, 1 : 1 + dim])
         distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[on_part], count))
@@ -384,8 +380,8 @@ def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> Sta
         touching, load, sliding, sheared, slipped, bound, normal = np.split(
             coarse_rows[nearest][:, :, 1 + dim :], ends, axis=2
         )
-        # Between two bodies the points may have changed sides, and what one does to the other has
-        # the other sign.
+        # Between two bodies the points may have changed sides, so that tractions and directions
+        # change sign.
         side = np.where(matvec(normal, fine.normal[on_part]) < 0, -1.0, 1.0)[:, :, None]
         sliding = side * sliding
         sheared = side * sheared
@@ -395,7 +391,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary, state: State) -> Sta
         direction[on_part] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
         pressure[on_part] = (share * load[:, :, 0]).sum(axis=1)
         shear[on_part] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
-        # Perpendicular to its direction the shear depends on the slip by the factor bound / slip.
+        # The stiffness of the shear against slip perpendicular to its direction is bound / slip.
         bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
         far, shear_bound = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
         turning[on_part] = quotient(shear_bound, far)

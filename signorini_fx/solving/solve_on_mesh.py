@@ -212,7 +212,7 @@ def solve_contact(
         problem.timings,
         found,
     )
-    # What is kept of a large solve would take its memory.
+    # A large solve is not kept, as it would occupy too much memory.
     reached = ended if model.dofs <= MOST_ADJOINT_UNKNOWNS else None
     return replace(solution, state=state, reached=reached), problem.task, ended.outcome
 
@@ -385,7 +385,7 @@ class StatedProblem:
     timings: Timings
     history: History  # of all solves
     effects: Sequence[StepEffect] = ()
-    # For two durations at most, the body of a step from that without effects in time.
+    # For each of at most two durations of a step: the body without and with effects in time.
     _timed: dict[float, tuple[Model, Model]] = field(default_factory=dict)
     _of_task: Model | None = None  # the body of the task, where it is another one
     _mechanics: StatedMechanics | None = None  # of the last body

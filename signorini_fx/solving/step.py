@@ -38,9 +38,9 @@ from signorini_fx.solving.frames import Posed, solution_of, start_of, state_of, 
 if TYPE_CHECKING:
     from signorini_fx.results.resultants import ActingForces
 
-_MOST_TURNS = 50  # of effects that depend on the solution of their step
-_FOREVER = 1e150  # the duration of a step at whose end all rests, time
-_DIGITS = 9  # of durations, whose ends have round-off
+_MOST_TURNS = 50  # repetitions of a step for effects that depend on its solution
+_FOREVER = 1e150  # duration of a step in which motion starts from rest, time
+_DIGITS = 9  # significant digits of durations, which have round-off
 
 
 class Problem(Protocol):
@@ -205,7 +205,7 @@ def step(
         if isinstance(report, Failure):
             break
         if report.status is not Status.CONVERGED or not problem.effects or turn == _MOST_TURNS - 1:
-            break  # effects see whether the last turn has settled
+            break  # effects check whether the last repetition has converged
         end = _end_of(problem, state, report)
         turns = (effect.repeat(state, new, end) for effect in problem.effects)
         again = next((turned for turned in turns if turned is not None), None)
@@ -424,7 +424,7 @@ def begun(
         computed = [effect.at_nodes(posed.body, state, time) for effect in problem.effects]
         place = Place.of(place, dict(item for each in computed for item in each.items()))
         posed = with_contact(posed, problem.effects, state)
-        # Its gammas are there already.
+        # ``with_contact`` has set the gammas of the state already.
         start, before = start_of(posed, replace(state, gammas=None), guess)
     else:
         start, before = start_of(posed, state, guess)
@@ -506,7 +506,7 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     task = posed.task
     data = contact.data
     if body.data is not None:
-        # Displacements of its gap are not counted from the reference motion.
+        # The gap of the body is not relative to the reference motion.
         unshifted = body.data.gap + (data.gap - posed.first.data.gap)
         shown = replace(body.data, gap=unshifted, bond=data.bond)
         body = replace(body, data=shown, law=contact.law)
@@ -591,8 +591,8 @@ def judged(
         status = outcome.status
         reason = None
         if status in (Status.CONVERGED, Status.ROUND_OFF):
-            # First this, as a body that has moved far away is the usual reason of a residual that
-            # stagnates.
+            # This check comes first: a body that has moved far away is the usual reason of a
+            # stagnating residual.
             if deformation.largest > body.settings.largest_deformation:
                 status = Status.TOO_LARGE
             elif status is Status.CONVERGED and not certificate.holds:

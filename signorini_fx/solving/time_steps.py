@@ -25,7 +25,7 @@ from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.step import Ending, Failure, Problem, Report
 from signorini_fx.tuned import ENCLOSED, SAME_LENGTH, SAME_NUMBER
 
-_FIELD = "time error"  # in a state: what ``Pairs`` has
+_FIELD = "time error"  # field of a state with the values of ``Pairs``
 
 # Solves the step from a state to a place, which ends at a time.
 Solve = Callable[[State, float, float], tuple[State, Ending]]
@@ -97,6 +97,9 @@ def time_steps(
     """Solve the next time step towards ``place``, or the two steps of a pair whose error is
     allowed; collective.
 
+    If the first step of a pair is yielded a second time, the earlier one was too long and does not
+    count.
+
     Args:
         problem: the problem to solve.
         state: the state from which the step starts.
@@ -106,8 +109,6 @@ def time_steps(
 
     Yields:
         The end of each step; the last one may have no solution.
-        If the first step of a pair is yielded a second time, the earlier one was too long and does not
-        count.
     """
     path = problem.path
     effects = problem.effects
@@ -129,7 +130,7 @@ def time_steps(
     order = max((effect.order for effect in effects), default=1)
     pairs = Pairs.of(state)
     if not moves and abs(reached - round(reached)) < SAME_LENGTH:
-        pairs = replace(pairs, duration=inf)  # a load step is another event
+        pairs = replace(pairs, duration=inf)  # a load step first tries its whole duration
     duration = min(pairs.duration, longest - state.time)
     whole: Ended | None = None
     while True:
@@ -148,7 +149,7 @@ def time_steps(
             yield last
             return
         report = last[1]
-        shortest = [0.0]  # where a failure leaves no body to tell
+        shortest = [0.0]  # if a failure leaves no body
         if isinstance(report, Report):
             shortest = [2 * effect.shortest(report.posed.body) for effect in effects]
         least = max([ENCLOSED * (end - state.time), *shortest])

@@ -118,7 +118,7 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         regularisation = (
             level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         )
-        # The others are only known by comparing meshes.
+        # Errors of other quantities are only known by comparing meshes.
         on_one = {"energy": level.energy, "pressure": level.pressure}
         estimate = getattr(rows[-2], goal.of) if rows else on_one.get(goal.of)
         margin = MARGIN_OF_ENERGY[degree] if goal.of == "energy" else MARGIN
@@ -135,8 +135,8 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
-            # Its ends at nodes make the error of the pressure fall unevenly: meshes hardly finer
-            # are not worth a solve.
+            # The contact zone ends at nodes, so that the error of the pressure decreases unevenly:
+            # meshes that are hardly finer are not worth a solve.
             compared = goal.of not in LOCAL or goal.of == "pressure"
             rate = rates.get(goal.of) or seen_rate(levels, level.dimension)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
@@ -151,7 +151,7 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
             if beyond is None:
                 try:
                     meshes.refine(solved, excess, jump)
-                    if enough and meshes.adaptive:  # how much larger it is shows once it is made
+                    if enough and meshes.adaptive:  # the size of the next mesh is known only now
                         beyond = budget.exceeded(rows, meshes.finer, level)
                 except Exception as failure:
                     return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(
@@ -176,7 +176,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
     row = diverging_row([level.table for level in levels]) if goal.of == "peak" else None
     if row is not None:
         axes = [name for name in "xyz" if name in table.columns]
-        # Round-off is no position, and -0 no number.
+        # Rounded, and without minus zero.
         point = [round(float(table.columns[name][row]) / size, 9) * size + 0.0 for name in axes]
         at = ", ".join(f"{value:.6g}" for value in point)
         return (
@@ -259,7 +259,7 @@ class Budget:
                 f"{goal.seconds:g} s are spent"
             )
             return Unsolved(Status.BUDGET, f"the next mesh would take {reason}")
-        # A process that takes more memory than there is would be killed, and its results with it.
+        # A process that exceeds the memory would be killed, and its results would be lost.
         available = parallel.machine_memory(self.comm) / 1024**3
         allowed = MEMORY_SHARE * available if goal.memory is None else goal.memory
         if following.memory <= 1024 * allowed:
@@ -432,7 +432,7 @@ class Meshes:
             allowed = (
                 inf if settings.regularisation_error == "auto" else settings.regularisation_error
             )
-            # With Coulomb friction its own figure is that of the start: halving, at least, comes to
-            # an end.
+            # With Coulomb friction the error of path-following is that of the start problem, so the
+            # allowed error is at least halved, which ends the loop.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
         self.problem = self.problem.with_settings(settings.model_copy(update=update))

@@ -29,7 +29,7 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
 
 # How often the largest eigenvalue is evaluated.
 _EVALUATIONS = 60
-# More components of contact points than this are not looked at: the matrices are dense.
+# Largest number of components of contact points, because the matrices are dense.
 _MOST_COMPONENTS = 1200
 _NOT_TRIED = {
     "cohesion": "bonds soften, and the load may have several solutions",
@@ -75,7 +75,7 @@ def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
     law = model.law
     load_step = len(model.path.times) - 1
     assert law is not None
-    # What is an unknown as well the stiffness takes as fixed.
+    # These effects have further unknowns, which the stiffness would take as fixed.
     for _, clause in refused_by(model.statement, _NOT_TRIED):
         return f"not tried where {clause}"
     if model.tightens(load_step):
@@ -193,7 +193,7 @@ def _critical(stiffness: Array, normal: int, beside: Ints, sizes: Array) -> tupl
     left = nu * pressing + sliding - multiple * (d * pressed + slid / d)
     diagonal = np.diag(left)
     count = values.size
-    # The error of eigenvalues, and that of the entries, which are a few such sums.
+    # Bound of the round-off of the eigenvalues, and of the entries, which are a few such sums.
     round_off = 4 * (count + 2) * count * np.finfo(float).eps
     if (
         diagonal.min() <= 0

@@ -124,7 +124,7 @@ class Augmentation:
         shear = new_shifts[1]
         way = unit(slip)
         astray = shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
-        with np.errstate(over="ignore"):  # all but nothing presses: the smaller one decides
+        with np.errstate(over="ignore"):  # overflow: the other quotient counts
             wrong = np.minimum(length_of(slip) / lengths, length_of(astray) / stresses)
         least = (np.zeros(groups.count), groups.largest(wrong))
         lefts = []
@@ -216,8 +216,8 @@ def augmented_lagrangian(
         # new data.
         cut_off = newton.continued_sets(data) if inexact else None
         data = augmentation.next(data, gamma_factor)
-        # At the old iterate the new shift counts every pressure twice, and a bound that depends on
-        # it.
+        # At the old iterate the new shift would count every pressure twice, and so would a friction
+        # bound that depends on the pressure; so the present sets are kept there.
         following = newton.problem.sets if data.follows is not None else newton.continued_sets(data)
         first_sets = cut_off or following
         first_iteration = 1

@@ -48,8 +48,8 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         return replace(data, bound=None)
     stick = everywhere
     if motions.held_by(~everywhere, everywhere):
-        # On a straight side that lies on a straight foundation all gaps are round-off, which
-        # chooses no nodes.
+        # On a straight side that lies on a straight foundation all gaps are round-off, which must
+        # not select nodes; hence the tolerance.
         gap = np.abs(data.gap)
         largest = parallel.largest(task.motions.points.comm, gap)
         touching = gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest)
@@ -84,7 +84,7 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
     )
     # A multiple of the loads above which no pressures, and no shears up to the given bound, carry
     # them.
-    assert data.bound is not None  # the law has one
+    assert data.bound is not None  # as the law has friction
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
     loaded = [
         (number, columns) for number, columns in motions.assemblies if resultant[columns].any()

@@ -59,7 +59,7 @@ def fixed_point(
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.evaluate(g, 0.0)[0])
-        if law.follows_slip:  # the pressure alone is that of the last problem
+        if law.follows_slip:  # only the pressure is fixed, the slip is that of the iterate
             data = replace(data, follows=replace(law, pressure=np.abs(g)))
         status = newton.solve(
             data, first_sets, measure=partial(_change, newton, data, g, augmentation)
@@ -76,8 +76,8 @@ def fixed_point(
         )
         if settled and _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
             return Status.CONVERGED
-        # The Tresca problem with a given bound has one pressure: what comes back after two steps
-        # comes back for ever.
+        # The Tresca problem with a given bound has a unique pressure, so a pressure that recurs
+        # after two steps recurs for ever.
         if augmentation is None and previous is not None:
             back = norms(pressure - previous) <= NEGLIGIBLE * norms(pressure - g)
             measured = change is not None and newton.problem.groups.count == 1

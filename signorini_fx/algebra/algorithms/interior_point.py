@@ -169,11 +169,11 @@ class _Programme:
         self._exact = exact
         self._points = newton.problem.points
         self._comm = newton.problem.points.comm
-        # Where supports alone decide about the distance, no pressure acts that could be bounded.
+        # Where supports alone determine the gap, no pressure acts that could be bounded.
         movable = ~self._points.immovable
         self._one_sided = movable & ~data.bilateral
         self._bound = np.zeros(movable.size) if data.bound is None else data.bound
-        # Where it is zero there is no shear, where it is infinite no disc.
+        # Where the bound is zero there is no shear, where it is infinite there is no disc.
         self._rubs = (self._bound > 0) & np.isfinite(self._bound)
         self._bounds = self._number(self._one_sided) + self._number(self._rubs)
         self._force = newton.x.duplicate()
@@ -345,7 +345,7 @@ class _Programme:
         room = self._room(at.shear)
         traces = self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)
-        # What the equations miss, the changes of s and r eliminated.
+        # Residuals of the equations after elimination of the changes of s and r.
         normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.stiffness
         normal += quotient(normal_target, at.pressure, one)
         pull = quotient(disc_target, room, rubs)[:, None] * at.shear

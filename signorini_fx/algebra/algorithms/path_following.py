@@ -58,9 +58,9 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     points = problem.points
     system = problem.system
     sets = problem.sets
-    # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with
-    # gamma_1, also where shifts keep a slip from being along its shear; without shifts it does not
-    # see the part that turns the shear.
+    # D / gamma_1.  Applied to (y - d) it gives the derivative of the tractions at fixed y with
+    # respect to gamma_1, also where shifts keep the slip from being parallel to the shear; without
+    # shifts the part that turns the shear is missing.
     blocks = tangent(sets, data) / data.gamma_n
     if (
         data.share is not None
@@ -79,8 +79,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     first = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin))
     stretched = system.matrix * first
     energy = stretched.dot(first)
-    # The pole is a mean stiffness at the contact nodes, below the largest one: often too small to
-    # be seen beside gamma.
+    # The pole is a mean stiffness at the contact nodes, below the largest one, and often negligible
+    # relative to gamma.
     reach = data.gamma_n
     stiffness = system.contact.stiffness(system.matrix.getDiagonal())
     if parallel.largest(system.comm, stiffness) > NOTABLE * data.gamma_n:
@@ -94,7 +94,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     slope_n, slope_t = system.contact.traces(first)
     pressure_slope = points.norm(blocks[:, 0, 0] * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
-    # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
+    # At a node that is stiffer than the pole the model leaves some slip too, but less than half.
     slip = slip_of(u_t, data)
     ahead = points.felt(slip + reach * slope_t)
     stays = ~sets.slip & (ahead > length(slip) / 2)
@@ -107,8 +107,8 @@ def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
     """Solve for another force with the matrix of the last linear solve; collective."""
     ksp = newton.snes.getKSP()
     x = newton.x.duplicate()
-    # A Krylov method ends by the size of the forces of the problem; this right-hand side has
-    # another size.
+    # The tolerance of a Krylov method is relative to the forces of the problem; this right-hand
+    # side has another size.
     tolerances = ksp.getTolerances()
     ksp.setTolerances(rtol=NEGLIGIBLE, atol=0.0)
     petsc_calls.solve(ksp.solve, force, x)

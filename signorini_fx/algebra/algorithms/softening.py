@@ -64,7 +64,7 @@ class Descent:
             if problem.next.escapes is not None:
                 return problem.next.escapes
             problem.sets = problem.next.sets
-            # After a step that has led nowhere a secant step is taken as it is.
+            # After a line search without success a full secant step is taken.
             stuck = share <= 0.5**LINE_SEARCH_STEPS
             self._assemble(_TANGENT_SHARES[-1:] if stuck else _TANGENT_SHARES)
             petsc_calls.solve(self._ksp.solve, force, way)
@@ -75,7 +75,7 @@ class Descent:
             share = 1.0
             x.axpy(-1.0, way)
             problem.residual(None, x, force)
-            # Where no bond is torn further, full steps find the sets of contact.
+            # If no bond is damaged further, full steps find the contact sets without a line search.
             torn = not np.array_equal(broken, problem.data.broken)
             searched = k > 0 and not stuck and parallel.any_rank(problem.points.comm, torn)
             while (
@@ -136,7 +136,7 @@ class Descent:
         coupling = np.zeros_like(blocks)
         if data.bound is not None:
             pressure = np.where(problem.sets.contact, trial_pressure(traces[0], data), 0.0)
-            # That of bonds that are broken.
+            # The friction bound of fully damaged bonds.
             whole = replace(data, broken=None).friction_bound(pressure, traces[1])
             slips = problem.sets.slip & problem.sets.contact & np.isfinite(whole)
             bound = np.where(slips, whole, 0.0)[:, None] * problem.sets.direction

@@ -100,7 +100,7 @@ class SemismoothNewton:
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
         self.fails_in_step = False  # whether a Krylov method has failed in this load step
-        # whether the usual preconditioner is of a matrix before the last that was factorised
+        # whether the usual preconditioner belongs to a matrix before the last factorised one
         self._outdated = False
         self._point_count = int(parallel.total(problem.points.comm, problem.points.size))
         self.linear = self._point_count == 0
@@ -235,7 +235,7 @@ class SemismoothNewton:
         max_iterations: int | None = None,
     ) -> Status:
         """Run the iteration without fall-backs and without an outer record; see ``solve``."""
-        # Bonds hold what contact need not, and their sets follow from the iterate.
+        # With bonds, contact need not hold the body, and the sets follow from the iterate.
         self.problem.set_data(data, None if data.bond is not None else first_sets)
         self._first_iteration = first_iteration
         self._solves_before = self.history.linear_solves
@@ -245,7 +245,7 @@ class SemismoothNewton:
         self._stalls: list[float] = []
         self._status: Status | None = None
         self._last_forces = 0.0  # their size at the last iterate
-        self._vanishing = False  # whether they still fall where the sets stay
+        self._vanishing = False  # whether the forces still decrease while the sets stay
         if self.history.exhausted:
             return Status.MAX_ITERATIONS
         remaining = self.history.limit - self._solves_before
@@ -264,7 +264,7 @@ class SemismoothNewton:
                 status = self._run(data, limit)
         except (PETSc.Error, MemoryError) as error:
             status = self.outcome_of(error)
-        # Of sets that come back some may leave the system singular, those of the solution do not.
+        # Some sets of a cycle may make the system singular; those of the solution do not.
         return Status.CYCLING if self._returns and status is Status.SINGULAR else status
 
     def outcome_of(self, error: Exception) -> Status:
@@ -328,13 +328,13 @@ class SemismoothNewton:
             self._propose()
             return True
         if status is Status.ROUND_OFF and self._vanishing:
-            # Each solve leaves round-off of the iterate before and nothing else: nothing acts, so
-            # the solution is zero.
+            # Each solve leaves only round-off of the previous iterate: nothing acts, so the
+            # solution is zero.
             self._vanishing = False
             self._stalls.clear()
             self.x.zeroEntries()
             return True
-        # It may be the failure of a linear solve that was cheaper than an exact one.
+        # The failure may be due to an inexact linear solve, or to a kept factor.
         cheaper = (
             self._loosened
             if status is Status.CYCLING
@@ -361,7 +361,7 @@ class SemismoothNewton:
         proposed = proposed_sets(self)
         if (
             proposed is None and self._factorise()
-        ):  # loose solves of a Krylov method may not tell the sets
+        ):  # inexact Krylov solves may not be enough to identify the sets
             proposed = proposed_sets(self)
         self.problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
@@ -487,20 +487,20 @@ class SemismoothNewton:
             if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
                 if turning:
                     return self._stop(Status.CYCLING)
-                # Round-off of gamma times the displacement is what no solve removes.
+                # No solve removes the round-off of gamma times the displacement.
                 least = self._stalls[-1]
                 lost = self.problem.lost_to_round_off(self.x, least)
                 if lost and least <= CERTIFICATE_TOLERANCE:
                     return int(_SNES.CONVERGED_FNORM_RELATIVE)
                 return self._stop(Status.ROUND_OFF)
         elif fingerprint in self._seen:
-            # Sets that come back although they leave no residual differ by nodes on the border:
-            # both are solutions.
+            # Sets that recur without a residual differ only at points on the border between two
+            # sets: both are solutions.
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
             if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            # Where directions turn or the bound follows the slip the same sets have another tangent
-            # when they return: of a cycle they leave the same residual of the law.
+            # Where directions of slip change, or the bound depends on the slip, the same sets have
+            # another tangent when they recur; in a true cycle the residual of the law recurs, too.
             seen = self._seen[fingerprint]
             now = max(law, snes.getTolerances()[0])
             self._returns += 1
@@ -512,7 +512,7 @@ class SemismoothNewton:
             self._may_propose = False
             self._slow = True
             return self._stop(Status.MAX_ITERATIONS)
-        # How near the law was with the sets of the start is not known.
+        # The residual of the law with the first sets is not known.
         self._seen[fingerprint] = max(law, snes.getTolerances()[0]) if k > 0 else np.inf
         if problem.next.escapes is not None:
             return self._stop(problem.next.escapes)
@@ -539,8 +539,8 @@ class SemismoothNewton:
             residual: of the equations with the next sets, relative.
             law: residual of the friction law, relative.
         """
-        # The residual is that of the next sets.  Where directions change, that with the present
-        # ones counts.
+        # The residual is that of the next sets.  Where directions change, that of the present sets
+        # counts.
         tolerance = self.snes.getTolerances()[0]
         if self.problem.affine or law > tolerance or residual <= tolerance:
             return law <= tolerance and residual <= tolerance
@@ -561,7 +561,7 @@ class SemismoothNewton:
                 return Status.NO_MEMORY
             sound = ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
             return Status.LINEAR_SOLVER if sound else Status.SINGULAR
-        # A linear solve breaks down if its matrix is finite and its solution is not.
+        # If the matrix is finite and the solution is not, the linear solve has broken down.
         solved = self._assembled and finite(self.snes.getJacobian()[0])
         return (
             Status.SINGULAR

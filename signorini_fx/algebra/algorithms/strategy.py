@@ -42,12 +42,12 @@ from signorini_fx.tuned import (
     START_GAMMA,
 )
 
-# What is tried with Coulomb friction, as the history names it.
+# Names of the methods for Coulomb friction in the history.
 FIXED_POINT = "fixed point"
 MONOLITHIC = "monolithic Newton"
 AUGMENTED = "augmented Lagrangian"
 
-# Other outcomes do not say why there is no solution: it may be that a body lies loose.
+# Other outcomes do not explain why there is no solution; the reason may be a loose body.
 _EXPLAINED = (
     Status.CONVERGED,
     Status.NOT_HELD,
@@ -157,11 +157,11 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     """Return the solution nearest to the iterate of the task, without tractions on loose bodies;
     None if none is found.
     """
-    # Their loads balance each other, and contact need not press on them: they are in equilibrium
-    # without any traction in many places, so that no method finds one.  Springs at the contact
-    # points, far softer than the body, lead from the last place to the nearest one, where they
-    # carry nothing: each solve is one step of the proximal point method (R. T. Rockafellar, SIAM J.
-    # Control Optim. 14 (1976) 877-898).
+    # The loads on loose bodies balance each other, and contact need not press on them: they are in
+    # equilibrium without traction at many positions, so that no method converges to one.  Springs
+    # at the contact points, far softer than the body, lead from the last position to the nearest
+    # equilibrium, where they carry nothing: each solve is one step of the proximal point method (R.
+    # T. Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
     motions = task.motions
     newton = task.newton
     comm = task.motions.points.comm
@@ -201,7 +201,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
             break
         if (
             2 * moved > last_moved
-        ):  # loads drive a body, or round-off of lengths over the share of the springs does
+        ):  # a load moves a body, or round-off of lengths magnified by the soft springs does
             if moved > task.coordinate_error / NO_FORCE:
                 return None
             break
@@ -244,8 +244,8 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 def _nothing_acts(task: Task, start: Start) -> bool:
     """Return whether nothing acts on the body, so that it stays where it is; collective."""
-    # If nothing holds it, it does so in one of several load steps alone: a problem without any load
-    # is not determined.
+    # A body that nothing holds stays only in one of several load steps: a single problem without
+    # any load is not determined.
     data = start.data
     loose = task.motions.count > 0
     if loose and not start.several:
@@ -268,8 +268,8 @@ def _first_loaded(task: Task, start: Start) -> Start:
     This is so if the previous step ended without any traction, and bodies that only contact can
     hold are loaded now.
     """
-    # No contact would hold them with the active sets, nor friction with the bound, that they have
-    # without a load.
+    # With the active sets and friction bounds of the unloaded state, nothing would hold these
+    # bodies.
     unloaded = len(task.idle) == len(task.motions.assemblies)
     if start.step == 0 or unloaded or start.multipliers is None:
         return start
@@ -291,7 +291,8 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     """Return the solution without contact if a failed iteration has converged to it.
 
     This occurs if round-off decides which points touch.  Returns None if the solution without
-    contact is another one, or if friction, bilateral contact or free motions exclude it.
+    contact is another one, or if bilateral contact, friction without pressure or free motions
+    exclude it.
 
     Args:
         task: the contact problem.
@@ -313,7 +314,7 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     system = newton.problem.system
     data = replace(failed.data, bound=nothing)
     newton.begin_at(system.start)
-    # The second solve takes away what a factor leaves of what pressed before.
+    # The second solve removes the round-off of the earlier tractions.
     status = newton.attempt(data, opened, max_iterations=2)
     change = newton.x.copy()
     largest = max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
@@ -352,8 +353,8 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
         case "path-following":
             from signorini_fx.algebra.algorithms.path_following import path_following
 
-            # A later load step begins with the gamma that the previous one has found; without a
-            # load there was no path.
+            # A later load step starts with the gamma that the previous one has found; a step
+            # without loads has found none.
             first = (
                 START_GAMMA * task.natural_gamma
                 if start.regularisation_error is None
@@ -436,8 +437,9 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     def monolithic() -> Status:
         return coulomb_newton(task, data, law, first_sets, augmented=s.algorithm == "alm")
 
-    # From a coarser mesh, an earlier load step or another load; and speeds change from one pressure
-    # to the next more than pressures do.
+    # The monolithic method goes first if the start is near: from a coarser mesh, an earlier load
+    # step or another load.  It also does if friction depends on the slip, as speeds change more
+    # from one pressure to the next than pressures do.
     near = start.multipliers is not None or law.follows_slip
     first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")
     return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
@@ -473,7 +475,7 @@ def _either_way(
     names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
     capped = law.cap is not None and not law.laws and s.coulomb != "newton"
     if capped or law.ends_open is not None:
-        names = [FIXED_POINT]  # a cap is left to it unless Newton's method is wanted
+        names = [FIXED_POINT]  # it treats a cap unless Newton's method is requested
         if s.coulomb == "newton":
             reason = "a cohesion ends with a jump where contact opens, which has no derivative"
             task.history.add(f"{reason}: {FIXED_POINT} in place of {MONOLITHIC}")
@@ -483,7 +485,7 @@ def _either_way(
         )  # the fixed point is the documented fall-back of the other
     elif start.data.share is None:  # augmentation would make soft contact hard
         names.append(AUGMENTED)
-    slid = False  # whether the last fixed point did, with its last pressures
+    slid = False  # whether the last fixed point ended with SLIDES_AT_PRESSURES
 
     def ended(name: str) -> Outcome:
         if name is AUGMENTED:

@@ -237,8 +237,8 @@ class Task:
         slip = slip_of(u_t, start.data)
         bound = np.zeros_like(pressure)
         if data.bound is not None and law is not None:
-            # Of the law itself: the iteration may have stopped with the bound of the previous
-            # pressure.
+            # The bound of the law itself, as the iteration may have stopped with that of the
+            # previous pressure.
             bound, _, _ = law.evaluate(pressure, length(slip))
             bound = data.at((u_n, u_t)).acting(bound)
         xi = slip_of(u_t, data)

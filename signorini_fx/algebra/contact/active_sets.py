@@ -197,7 +197,7 @@ def classify(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) ->
     if data.bound is None:
         return next_sets(u_n, u_t, trial, trial, data)
     bound = data.friction_bound(trial_pressure(u_n, data), u_t)
-    # At slip points mu is at its bound by construction, also where the pressure has changed sign,
+    # At slip points mu is at its bound by construction, even if the pressure has changed its sign
     # or mu its direction.
     shear = sliding_shear(sets, bound, trial, data.gamma_t)
     direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
@@ -286,7 +286,7 @@ def hold(
     if not unresisted.any():
         return following, None, False
     pressure, shear = multipliers()
-    # The convergence test ends the iteration: such numbers have no order to choose sets by.
+    # Without finite values no sets can be chosen; the convergence test ends the iteration.
     if parallel.any_rank(
         motions.points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())
     ):
@@ -304,7 +304,7 @@ def hold(
     unresisted = motions.unheld(following.contact, _stick(following, data), following.turned)
     if not unresisted.any():
         return following, None, False
-    unresisted_points = unresisted[motions.of_point]  # only motions that the sets do not resist
+    unresisted_points = unresisted[motions.of_point]  # of assemblies not held
     slipping = _ranked(
         points, unresisted_points & ~sets.slip & following.slip & able, length(shear) - bound
     )
@@ -317,10 +317,11 @@ def hold(
             if holds(held, data, motions):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all nodes that can, and let the
-    # next iterates release.
+    # next iterates release them.
     contact = following.contact | (unresisted_points & sets.contact)
     everything = replace(following, contact=contact).sticking(unresisted_points & contact & able)
-    # Sets of a problem with another friction bound need not hold it either.
+    # The present sets may be those of a problem with another friction bound, which need not hold
+    # the body either.
     last = replace(following, contact=following.contact | unresisted_points).sticking(
         unresisted_points & able
     )
@@ -351,7 +352,7 @@ def _ranked(points: ContactPoints, candidates: Flags, violation: Array) -> Ints:
     """Return the rank of each candidate by its violation over all ranks of MPI, from 0; -1 for the
     other nodes.
     """
-    # Position breaks ties: a uniform state would otherwise keep all of them or none.
+    # Positions break ties: in a uniform state all nodes or none would be kept otherwise.
     ranking = np.column_stack((violation, points.x))
     ordered = sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates])))
     places = {row: position for position, row in enumerate(ordered)}

@@ -17,7 +17,7 @@ import numpy as np
 
 from signorini_fx.arrays import Array, inner, quotient
 
-# Shares of shear of which the energy and the strength are looked at.
+# Shares of shear at which energy and strength are sampled.
 _SHARES = np.linspace(0.0, 1.0, 33)
 
 
@@ -158,7 +158,7 @@ class Bond:
         """
         first, last, _, _ = self._limits(self._opened(traces).shear)
         reached = np.column_stack((self.damaged(traces), self.damage))
-        # The opening that has led to a damage.
+        # The opening at which the damage was reached.
         span = (last - first)[:, None]
         opening = (first * last)[:, None] / (last[:, None] - reached * span)
         taken = 0.5 * (self.stiffness * first * last)[:, None] * (opening - first[:, None]) / span

@@ -79,7 +79,7 @@ class ContactMap:
         """Return the map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         lift = (
             None if self.lift is None else change.transposeMatMult(self.lift)
-        )  # of an orthogonal change
+        )  # as the change is orthogonal
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: Integers) -> ContactMap:
@@ -148,7 +148,7 @@ class ContactMap:
         """Return a copy of the matrix with room for the entries of B^T D B; collective."""
         wider = matrix.copy()
         room = self.products[-1]
-        room.zeroEntries()  # it has what the last tangent has left
+        room.zeroEntries()  # it holds the values of the last tangent
         wider.axpy(1.0, room, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return wider
 
@@ -169,7 +169,7 @@ class ContactMap:
         rows = np.repeat(np.arange(components), np.diff(starts))
         compliance = np.bincount(rows, values**2, minlength=components)
         compliance = compliance.reshape(-1, self.points.dimension)
-        # Of a prescribed direction the round-off of normals may leave something.
+        # Round-off of normals may leave a small compliance in a prescribed direction.
         free = compliance > np.finfo(float).eps * compliance.max(axis=1, initial=0.0)[:, None]
         least = np.where(free, compliance, np.inf).min(axis=1, initial=np.inf)
         return 1.0 / (self.points.weight * least)

@@ -16,11 +16,11 @@ import numpy.typing as npt
 
 from signorini_fx.arrays import Array, Flags, Ints, quotient
 
-Evaluated = tuple[Array, Array, Array]  # a bound, stress; its derivatives by pressure and by slip
+Evaluated = tuple[Array, Array, Array]  # a bound, stress; d/dpressure; d/dslip
 
 
 class FrictionBound(Protocol):
-    """The bound of a friction law at m points, as of ``laws.protocol.FrictionLaw``."""
+    """The bound of a friction law at m points; ``laws.protocol.FrictionLaw`` implements it."""
 
     follows_slip: ClassVar[bool]
 
@@ -191,10 +191,10 @@ class PointFriction:
         """
         pushing = np.where(bilateral, pressure, np.maximum(pressure, 0.0))
         bound, by_pressure, by_slip = self.evaluate(pushing, slip)
-        # A root at zero has a vertical tangent.
+        # A bound like a root of the pressure has a vertical tangent at zero.
         by_pressure = np.where(np.isinf(by_pressure), 0.0, by_pressure)
         if self.follows_slip:
-            # Where a slip begins, the tangent of a bound that falls leads too far.
+            # Where slip begins, the tangent of a decreasing bound overshoots.
             by_slip = np.where(np.greater(along, 0.0), by_slip, np.maximum(by_slip, 0.0))
             if careful:
                 risen = bound - self.evaluate(pushing, 0.0)[0]

@@ -118,7 +118,7 @@ class FreeMotions:
             directions: directions of slip, shape (n, d - 1), zero at points without slip; slipping
                 points resist motion perpendicular to them.  None: they do not.
         """
-        # Those that this rank knows of, also if they cannot move.
+        # The assemblies that occur on this rank, also those that cannot move.
         last = max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))
         unresisted = np.zeros(int(last) + 1, dtype=bool)
         if not self.count:
@@ -136,8 +136,8 @@ class FreeMotions:
         gram = parallel.global_sum(self.points.comm, np.concatenate((rows.T @ rows, self._moved)))
         for number, columns in self.assemblies:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
-            # The resistance relative to the motion of the points: below this it is the round-off of
-            # their positions.
+            # A resistance that is smaller than this, relative to the motion of the points, is
+            # round-off of their positions.
             real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
         return unresisted
@@ -212,8 +212,8 @@ def reference_motion(
     if not motions.count:
         return None
     comm = motions.points.comm
-    # A ring that moves along its axis does not move along its normals: their round-off would stop
-    # it 1e13 gaps away.
+    # A ring that moves along its axis does not move along its normals, but round-off of the normals
+    # would stop it after 1e13 gaps.
     sizes = parallel.largest_of_each(comm, np.abs(motions.relative).max(axis=(0, 1), initial=0.0))
     normal = np.where(np.abs(motions.normal) <= NOTHING_LEFT * sizes, 0.0, motions.normal)
     table = parallel.gather_rows(comm, np.column_stack((normal, gap, bilateral, motions.of_point)))
@@ -227,7 +227,7 @@ def reference_motion(
         return None
     u_n = motions.normal @ motion
     u_t = motions.tangential @ motion
-    # A motion along the normals has no tangential part except for round-off.
+    # A motion along the normals has no tangential part except round-off, which is dropped.
     still = parallel.largest(comm, np.abs(u_t)) <= SAME_NUMBER * float(np.abs(motion).max())
     return ReferenceMotion(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
@@ -259,15 +259,16 @@ def _furthest(rows: Array, gap: Array, work: Array) -> Array | None:
     """
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
-        # Along a wall that it slides on there is only round-off.
+        # At points on walls along which the body slides there is only round-off.
         stops = along > CERTIFICATE_TOLERANCE * along.max(initial=0.0)
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
-    from scipy.optimize import linprog  # imported by what needs it alone: it takes 0.07 s
+    from scipy.optimize import linprog  # imported here because it takes 0.07 s
 
     result = linprog(-work, A_ub=rows, b_ub=gap, bounds=[(None, None)] * work.size)
     if result.status != 0:
         return None
-    # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
+    # The linear programme is solved to its own tolerance; now the gaps that it closes are closed
+    # exactly.
     closed = rows @ result.x >= gap - CERTIFICATE_TOLERANCE
     coefficients = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
     return coefficients

@@ -36,8 +36,8 @@ from signorini_fx.tuned import (
     ZERO_COMPONENT,
 )
 
-# Columns that a motion adds, for each dimension; motions that are tried, and those without
-# progress.
+# Columns that one motion adds, for each dimension; largest number of motions, and of motions
+# without progress.
 _COLUMNS = 4
 _ROUNDS = 400
 _PATIENCE = 3
@@ -101,7 +101,7 @@ def no_balance(
             if (escaping := escape(contact, work)) is not None:
                 return Escape(escaping[0], number)
         else:
-            # A given friction acts without a pressure, and then holds the body.
+            # Given friction acts without a pressure, so it holds the body.
             apart = (
                 gaps is not None
                 and not contact.given.any()
@@ -176,7 +176,8 @@ class Reactions:
         side = np.where(self.bilateral & (away < 0), -1.0, 1.0)
         pressed = side * away
         size = length(slip)
-        # Of a given size less friction does more work where the motion presses more than it slips.
+        # Friction below its bound F lambda does more work where the motion presses more than it
+        # slips.
         reduced = np.flatnonzero((pressed > 0) & (size < share * pressed))
         reduced_pull = (size[reduced] / pressed[reduced])[:, None] * pull[reduced]
         normal = side[:, None] * self.normal
@@ -225,8 +226,8 @@ def reactions(
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
     sideways = table[:, k : (1 + tangents) * k].reshape(len(table), tangents, k)
-    # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda|
-    # is not convex.
+    # On a foundation that may pull as well as push, F |lambda| is not convex; friction is then
+    # taken as unlimited except for the cap.
     unlimited = (share > 0) & ((sides > 0) | (share > LARGEST_BALANCING_FORCE))
     return Reactions(
         normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
@@ -289,7 +290,7 @@ def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> Near
         passive, values, residual = combination(columns, target, passive)
         distance = float(np.linalg.norm(residual))
         stalled = stalled + 1 if distance > (1 - 1e-13) * previous else 0
-        # Independent columns are no more than their components: the others differ by round-off.
+        # There are no more independent columns than components; further ones differ by round-off.
         if distance <= NO_FORCE**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
             break
         previous = distance
@@ -310,8 +311,8 @@ def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> Near
         pressing = np.concatenate((pressing, node[steepest]))
     motion = residual[:-1]
     balanced = bool(distance <= NO_FORCE and values.sum() <= LARGEST_BALANCING_FORCE)
-    # An earlier motion proves what a later one does not if round-off resists the latter by very
-    # large forces.
+    # An earlier motion may be a proof although a later one is not, if round-off resists the latter
+    # with very large forces.
     unbalanced = not balanced and (proves(motion) or proof is not None)
     if unbalanced and not proves(motion) and proof is not None:
         motion, passive = proof
@@ -360,7 +361,7 @@ def combination(
             steps = quotient(values, values - wanted, low, otherwise=np.inf)
             first = int(np.argmin(steps))
             values = values + steps[first] * (wanted - values)
-            values[first] = 0.0  # whatever round-off leaves: the set must shrink
+            values[first] = 0.0  # set exactly, so that the set shrinks in spite of round-off
             positive = ~low | (values > 0)
             passive = [row for row, keep in zip(passive, positive, strict=True) if keep]
             values = values[positive]

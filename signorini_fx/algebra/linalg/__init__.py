@@ -23,7 +23,7 @@ from signorini_fx.arrays import Array, Flags
 if TYPE_CHECKING:
     from signorini_fx.algebra.linalg.schur import SchurComplement
 
-# How the entries of a matrix that is added lie beside those of the sum.
+# Pattern of an added matrix relative to that of the sum.
 DIFFERENT_PATTERN = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 SUBSET_PATTERN = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 SAME_PATTERN = PETSc.Mat.Structure.SAME_NONZERO_PATTERN

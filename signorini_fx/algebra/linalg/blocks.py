@@ -86,8 +86,8 @@ class BlockMatrix:
     def __init__(self, rows: BlockRows, added: PETSc.Mat | None = None) -> None:
         self.rows = rows
         self.added = None if added is None else row_by_row(added)
-        # The rows of A that were asked for, with room for C, by their index set, which must stay,
-        # and their columns.
+        # Requested rows of A, with room for C, by the handle of their index set and their number of
+        # columns; the index set is kept so that its handle stays unique.
         self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
 
     @called_back
@@ -177,7 +177,7 @@ def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:
 def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
     """Replace C in A + C by another one with the same pattern; collective."""
     added.copy(tangent.getPythonContext().added, SAME_PATTERN)
-    tangent.stateIncrease()  # or PETSc would keep the factor of the earlier one
+    tangent.stateIncrease()  # otherwise PETSc would keep the factor of the earlier one
 
 
 def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:

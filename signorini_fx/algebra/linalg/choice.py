@@ -155,7 +155,7 @@ def krylov_from(size: SystemSize, requested: str) -> float:
         return 0.0 if requested == "krylov" else math.inf
     if size.dimension == 2 or not size.compressible or petsc_options.user_chooses_solver():
         return math.inf
-    # A dense matrix of few contact points is cheap for longer than a sparse one.
+    # A condensed system with few contact points stays cheap up to more unknowns than a sparse one.
     return (
         FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
     )
@@ -179,7 +179,7 @@ def against_condensing(size: SystemSize) -> str | None:
     )
     border = round(
         (size.comm.size - 1) * math.sqrt(2 * size.unknowns)
-    )  # straight cuts through a square
+    )  # unknowns on straight cuts through a square
     if (retained + border) ** 3 / 3 > sparse or retained > MOST_CONDENSED_UNKNOWNS:
         between = f" and about {border} between ranks" if border else ""
         where = f"are on the contact boundary{between}, too many for a dense matrix"
@@ -191,7 +191,7 @@ def cannot_condense(size: SystemSize) -> str | None:
     """Return why the system cannot be condensed; None if it can."""
     if size.retained == 0:
         return "there is no contact"
-    if size.comm.size > 1 and size.dimension > 2:  # what is between ranks is a surface
+    if size.comm.size > 1 and size.dimension > 2:  # the border between ranks is a surface
         return "more than one rank in 3D"
     if size.comm.size > 1 and not size.definite:
         return "more than one rank, and an indefinite matrix"

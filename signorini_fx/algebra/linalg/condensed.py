@@ -73,7 +73,7 @@ class CondensedSystem(ElasticSystem):
         sizes = (retained.size, None)
         matrix = PETSc.Mat().createDense((sizes, sizes), array=columns.T, comm=comm)
         matrix.assemble()
-        # It is definite, also where the matrix of all unknowns is not.
+        # The condensed matrix is definite, even if the matrix of all unknowns is not.
         return cls(matrix, reaching.among(retained), e, list(e.cases), True, schur, condensed)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:

@@ -130,7 +130,7 @@ def with_inertia(matrix: PETSc.Mat) -> tuple[PETSc.PC, int]:
     preconditioner.setType("cholesky")
     preconditioner.setFactorSolverType("mumps")
     preconditioner.setFactorSetUpSolverType()
-    # The inertia needs the root on one rank, and null pivots told from others.
+    # For the inertia MUMPS must keep the root on one rank (ICNTL 13) and detect null pivots (24).
     for option in (13, 24):
         preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
     preconditioner.setUp()

@@ -43,9 +43,10 @@ class KrylovSystem(ElasticSystem):
 
     _forces: float = 0.0
     _first_residual: float = (
-        0.0  # what the last solve of the same Newton iteration began with; 0: there is none
+        0.0  # first residual of the last solve of the same Newton iteration; 0: none
     )
-    # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
+    # By the handle of the KSP, kept in Python: objects that PETSc held would be freed late on
+    # several ranks, or never.
     _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
     @classmethod
@@ -118,7 +119,7 @@ class KrylovSystem(ElasticSystem):
         ``multigrid``.
         """
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
-        if not petsc_options.user_sets("ksp_"):  # another method may not know this norm
+        if not petsc_options.user_sets("ksp_"):  # another method may not support this norm
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         pc = ksp.getPC()
@@ -137,8 +138,8 @@ class KrylovSystem(ElasticSystem):
         )
         ksp.setInitialGuessNonzero(True)
         ksp.setPreSolve(weakly(self._begin))
-        # A tolerance of the user's is one of the residual that the exact solve at the contact
-        # unknowns leaves.
+        # A tolerance of the user is relative to the residual after the exact solve at the contact
+        # unknowns.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
@@ -173,14 +174,14 @@ class KrylovSystem(ElasticSystem):
         ksp.setUp()  # PETSc calls this before
         self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
-        # With no absolute tolerance a share of this right-hand side is asked for, which is none of
-        # the forces.
+        # Without an absolute tolerance the caller wants a share of this right-hand side, not of the
+        # forces.
         if petsc_options.user_sets("ksp_") or (atol == 0.0 and rtol > ZERO_COMPONENT):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
-        # What Newton's method will leave anyway, if it gains as much as in the last step, or the
-        # share of the forces, if that is larger (Eisenstat & Walker, 1996; "Tolerances" in
-        # docs/theory.md).
+        # The residual that Newton's method will leave anyway if it gains as much as in the last
+        # step, or the share of the forces if that is larger (Eisenstat & Walker, 1996; "Tolerances"
+        # in docs/theory.md).
         scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
         allowance = size * min(
             INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0)
@@ -192,7 +193,7 @@ class KrylovSystem(ElasticSystem):
         ksp.setTolerances(rtol=ZERO_COMPONENT, atol=max(LEFT_BY_SOLVES * self._forces, allowance))
         self._first_residual = (
             size if allowance > 0 else 0.0
-        )  # else Newton's method ends, and another iteration begins
+        )  # otherwise Newton's method may end, and another iteration start
 
     def keep_factor(
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False

@@ -40,7 +40,7 @@ from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHI
 
 _ESTIMATING_STEPS = 10
 _FEW = (
-    300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
+    300  # unknowns for which PETSc's own factor is good enough, without the overhead of a package
 )
 
 
@@ -158,7 +158,7 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
         if given.norm() <= NOTHING_LEFT * size:
             return stiffness
     product = by_entries(matrix).ptap(interpolation)
-    # Unknowns that interpolate to nothing, such as prescribed ones, get a row of their own.
+    # Unknowns that interpolate to nothing, such as prescribed ones, get a diagonal entry.
     diagonal = product.getDiagonal()
     values = diagonal.getArray()
     largest = diagonal.max()[1]
@@ -224,7 +224,7 @@ class ContactLevels:
         self.places = PETSc.IS().createGeneral(
             (first + unknowns).astype(PETSc.IntType), comm=matrix.comm
         )
-        # All that is needed of A: its rows at the contact unknowns, and its diagonal.
+        # Of A only the rows at the contact unknowns and the diagonal are needed.
         rows = matrix.createSubMatrix(self.places, None)
         elastic = matrix.createSubMatrix(self.places, self.places)
         self.diagonal = matrix.getDiagonal()
@@ -343,9 +343,7 @@ class ContactPreconditioner:
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
         self._reduced: PETSc.Mat | None = None
-        self._solver = PETSc.PC().create(
-            self._places.comm
-        )  # of the contact unknowns, whose graph is that of a surface
+        self._solver = PETSc.PC().create(self._places.comm)  # solves for the contact unknowns
         use_direct(self._solver, self._places.getSize(), symmetric=symmetric)
         # A V-cycle with Chebyshev's iteration on each level, Jacobi inside.
         hierarchy = levels.hierarchy
@@ -433,8 +431,8 @@ class ContactPreconditioner:
         self._contact_rows.multTranspose(self._product, self._residual)
         self._residual.aypx(-1.0, right)
         self._cycle.apply(self._residual, x)
-        # Prescribed unknowns have rows of their own; the least of what the coarse levels move there
-        # would be a motion.
+        # Prescribed unknowns are solved exactly: any correction by the coarse levels would be a
+        # motion there.
         x.getArray()[self._fixed] = right.getArray(readonly=True)[self._fixed] / self._prescribed
         self._contact_rows.mult(x, self._product)
         self._right.getArray()[:] = right.getArray(readonly=True)[

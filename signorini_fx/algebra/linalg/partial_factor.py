@@ -76,14 +76,14 @@ class PartialFactor:
         self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
         self._count = count
         inside = self.inner.size
-        # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
+        # For an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
         stay = places >= 0
         order = self.inner
         rows = sp.csr_array(rows[self.inner])
         if positions is not None and self._in_order:
             order = _dissected(rows, self.inner, positions)
-        # First the inner unknowns in their order, then those that stay, then the loads.
+        # First the inner unknowns in their order, then the retained ones, then the loads.
         numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
         numbers[order] = np.arange(inside)
         numbers[stay] = inside + places[stay]
@@ -94,15 +94,16 @@ class PartialFactor:
         row_between = np.searchsorted(rows.indptr, between, side="right") - 1
         entries = rows.data[between], (row_between, places[rows.indices[between]])
         self.toward = sp.csr_array(entries, shape=(inside, count))
-        # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would
-        # be lost.
+        # With a Schur complement MUMPS does not scale the matrix, and would drop pivots below an
+        # absolute threshold.
         self._unit = _power(np.abs(rows.data[column == row]).max(initial=0.0))
-        # So small that they have no influence on the choice of pivots of an indefinite matrix.
+        # Loads are scaled so small that they do not influence the choice of pivots of an indefinite
+        # matrix.
         self._sizes = np.array(
             [_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads]
         )
-        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the
-        # ordering is better.
+        # Zeros between inner unknowns are kept: the ordering is better with the same pattern for
+        # all unknowns of a node.
         upper = (column >= row) & ((column < inside) | (rows.data != 0.0))
         staying = np.arange(inside, inside + count + len(loads), dtype=row.dtype)
         row = np.concatenate((row[upper], np.tile(self._order, len(loads)), staying))
@@ -115,7 +116,7 @@ class PartialFactor:
             *(at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices)),
             bordered.data,
         )
-        # Of the rows of such a matrix MUMPS gets what is above the diagonal.
+        # MUMPS gets the part of these rows above the diagonal.
         self._matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
@@ -133,7 +134,7 @@ class PartialFactor:
         count = self._count
         bordered = self._matrix
         del self._matrix
-        if not inside:  # some MUMPS fail with nothing to eliminate
+        if not inside:  # some versions of MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         self._right, self._solution = bordered.createVecs()
         self._factor = handle = _factorise(bordered, inside, in_order=self._in_order)
@@ -209,7 +210,8 @@ def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_vo
     )
     call("MatMumpsSetIcntl", factor, *_MEMORY)
     if in_order:
-        # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
+        # PETSc passes an order to MUMPS only in the symbolic LU factorisation, so its function is
+        # borrowed.
         lent = ctypes.c_void_p()
         symbolic = ctypes.c_void_p()
         small = PETSc.Mat().createConstantDiagonal((1, 1), 1.0, comm=PETSc.COMM_SELF).convert("aij")
@@ -242,8 +244,8 @@ def _symmetrise(values: Array, block: int = 256) -> None:
         values[rows, k + block :] = values[k + block :, rows].T
 
 
-# The last order, by what tells bodies apart: tangents of a nonlinear body have one pattern, and any
-# order is right.
+# The last order, by a hash of pattern and positions: all tangents of a nonlinear body have the same
+# pattern.  A wrong order would only cost time.
 _last_dissected: dict[int, Numbers] = {}
 
 
@@ -287,19 +289,19 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
     """Return the nodes of a graph of symmetric pattern in the order of elimination, shape (n,)."""
     _, piece = connected_components(
         graph, directed=True, connection="weak"
-    )  # of symmetric ones the fastest
+    )  # the fastest option for a symmetric pattern
     path = _paths(positions, piece)
     apart = np.repeat(path, np.diff(graph.indptr)) ^ path[graph.indices]
     edges = np.flatnonzero(apart)
-    # The halving that parts both nodes of an edge: the first bit in which their paths differ.
+    # The halving that separates both nodes of an edge: the first bit in which their paths differ.
     level = (_DEEPEST - np.frexp(apart[edges].astype(np.float64))[1]).astype(np.int8)
-    order = np.argsort(level, kind="stable")  # of so small numbers in linear time
+    order = np.argsort(level, kind="stable")  # in linear time for such small integers
     halvings, counts = np.unique(level, return_counts=True)
     edges = edges[order]
     ends = np.cumsum(counts)[:-1]
     tails = np.searchsorted(graph.indptr, edges, side="right") - 1
     heads = graph.indices[edges]
-    separates = np.full(path.size, _DEEPEST)  # the halves of which halving; none
+    separates = np.full(path.size, _DEEPEST)  # halving that a node separates; _DEEPEST: none
     for halving, tail, head in zip(
         halvings.tolist(), np.split(tails, ends), np.split(heads, ends), strict=False
     ):
@@ -317,7 +319,7 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
         )
         separates[sides[0][fewer[first]]] = halving
         separates[sides[1][~fewer[second]]] = halving
-    behind = (1 << (_DEEPEST - separates)) - 1  # both halves
+    behind = (1 << (_DEEPEST - separates)) - 1  # a separator comes after both halves
     inside = np.argsort((-separates).astype(np.int8), kind="stable")
     return inside[np.argsort((path | behind)[inside], kind="stable")]
 
@@ -326,8 +328,7 @@ def _paths(positions: Array, piece: Indices) -> Ints:
     """Return a number for each node, shape (n,): the number of its piece, followed by one bit for
     each halving of the piece, the side on which the node is.
     """
-    # Round-off must not divide nodes that are in one plane, which would make of a separating layer
-    # two.
+    # Round-off must not divide nodes in one plane, which would turn one separating layer into two.
     positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * SAME_LENGTH or 1.0))
     paths = piece.astype(np.int64) << _DEEPEST
     for nodes in np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1]):

@@ -28,10 +28,10 @@ from petsc4py import PETSc
 from signorini_fx.machine import signals
 
 _OUT_OF_MEMORY, _IN_LIBRARY = 55, 76  # PETSC_ERR_MEM, PETSC_ERR_LIB
-# What PETSc says of CHOLMOD, whose numbers below 0 are errors: -2 out of memory, -3 integer
-# overflow by the size.
+# PETSc's message for errors of CHOLMOD: -2 is out of memory, -3 an integer overflow due to the
+# size.
 _BY_CHOLMOD = re.compile(r"CHOLMOD \w+ failed.* with status -[23]\b")
-# What dolfinx says of an error of PETSc.
+# dolfinx's message for an error of PETSc.
 _BY_DOLFINX = re.compile(rf"error code is: {_OUT_OF_MEMORY}\b")
 
 
@@ -113,8 +113,8 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
             return function(*args, **kwargs)
         except BaseException as error:
             _raised.append(error)
-            # Python loses an exception that passes through C while garbage is collected, and
-            # crashes
+            # If garbage is collected while an exception passes through C, Python loses it and
+            # crashes.
             gc.disable()
             raise
 

@@ -11,8 +11,7 @@ from petsc4py import PETSc
 from signorini_fx.errors import OptionsError
 
 PREFIX = "sfx_"
-# Options that put another method in the place of ours, or another matrix or test into it, and the
-# values that do not.
+# Options that would replace our method, its matrix or its test, with the values that would not.
 _OFF = ("false", "no", "off", "0")
 _EXCHANGING = {
     "snes_type": ("newtonls",),
@@ -23,8 +22,8 @@ _EXCHANGING = {
 }
 # MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot
 # order; minimum degree is its quickest order on few ranks; CHOLMOD's own nested dissection has half
-# the fill of its default orderings on large meshes; on the coarsest level of multigrid PETSc calls
-# pivots zero below a number that has no unit.
+# the fill of its default orderings on large meshes; on the coarsest level of multigrid PETSc
+# compares pivots with an absolute threshold, whatever their unit.
 _OF_FACTORS = {
     "mat_mumps_icntl_14": "100",
     "mat_mumps_icntl_7": "0",
@@ -33,7 +32,7 @@ _OF_FACTORS = {
     **{f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")},
 }
 _INNER_SOLVER = "npc_"
-# These only show something.
+# These options only print.
 _WATCHING = ("monitor", "view", "converged_reason")
 
 

@@ -35,9 +35,7 @@ def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> P
         values = np.ones(rows[0])
     else:
         rows = rotation.getSizes()[0]
-        starts, columns, values = (
-            rotation.getValuesCSR()
-        )  # Q turns the nodes of each rank within it
+        starts, columns, values = rotation.getValuesCSR()  # Q rotates only nodes of the same rank
     csr = (starts, (columns + whole.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
     return PETSc.Mat().createAIJ((rows, whole.getSizes()[1]), csr=csr, comm=own.comm)
 

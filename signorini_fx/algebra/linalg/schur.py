@@ -75,7 +75,8 @@ class SchurComplement:
         joint = np.concatenate((parallel.gather_rows(self._comm, first + self._border), stay))
         self._size = joint.size
         self._cut = joint.size - stay.size
-        # Of each column its number among the joint unknowns; -1: it is inner.
+        # For each column its number among the joint unknowns (border and retained); -1: it is
+        # inner.
         numbers = np.full(owned + foreign.size, -1)
         local_joint = np.concatenate((self._border, retained))
         named = np.concatenate((local_joint, np.arange(owned, numbers.size)))
@@ -84,7 +85,7 @@ class SchurComplement:
         if self._comm.size > 1:
             inner = np.repeat(numbers[:owned] < 0, np.diff(rows.indptr)) & (rows.data != 0.0)
             touched[numbers[rows.indices[inner & (numbers >= 0)[rows.indices]]]] = True
-        touched[0] = True  # one joint unknown at least, as MUMPS must leave something
+        touched[0] = True  # at least one joint unknown, as MUMPS needs a Schur complement
         self._places = np.flatnonzero(touched)
         places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
         between = sp.coo_array(rows[np.flatnonzero(numbers[:owned] >= 0)])

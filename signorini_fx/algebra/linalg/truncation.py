@@ -38,8 +38,8 @@ def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
         added: stiffness of contact relative to ``scale``, shape (n, d, d).
         scale: force per length, shape (n,).
     """
-    # The blocks of the monolithic method are not symmetric: what they hold is what they do not map
-    # to nearly zero.
+    # The blocks of the monolithic method are not symmetric: the held directions are those that they
+    # do not map to nearly zero.
     _, stiffness, directions = np.linalg.svd(added)
     stiff = directions * (stiffness >= 1.0)[:, :, None]
     held = stiff.transpose(0, 2, 1) @ stiff
@@ -214,7 +214,7 @@ class TruncatedLevels:
         self._stiffness = elastic.copy() if lift is None else elastic.ptap(lift)
         self._stiffness.axpy(1.0, self._soft, structure=DIFFERENT_PATTERN)
         self._product = product if lift is None else lift.transposeMatMult(product)
-        # Everything with no direction held, for its pattern.
+        # All products are computed once with no direction held, for their patterns.
         self._along = self._held.matMult(functions)
         self._moved = self._along if lift is None else lift.matMult(self._along)
         self._contact_rows = interpolations[0].createSubMatrix(places, None)
@@ -235,12 +235,12 @@ class TruncatedLevels:
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
-        # Of a level by blocks only what is added to it changes.
+        # For a level by blocks only the matrix that is added to it changes.
         self._untruncated = list[PETSc.Mat]()
         self._truncated = list[PETSc.Mat]()
         self.coarse = list[PETSc.Mat]()
         for level, change in zip(coarse, self._changes, strict=True):
-            # With a little more on its diagonal, and room for the change.
+            # A small multiple of the diagonal is added, and room is made for the change.
             diagonal = level.getDiagonal()
             by_blocks = is_by_blocks(level)
             wider = (
