@@ -43,8 +43,8 @@ class Augmentation:
         tolerance: for the errors of lambda and mu in the norm of L2(Gamma_c), relative to their own
             norms, and for penetration and elastic slip, relative to the displacements; applied to
             each group of points.
-        changes: the last changes of pressure and of shear in the L2 norm, shape (groups,) each; nan
-            before the first update.
+        changes: the last changes of pressure and of shear, without what supports take, in the L2
+            norm, shape (groups,) each; nan before the first update.
         slow: whether pressure and shear converged slowly at the last update.
         left: remaining relative error of the multipliers.
         violation: largest violation of the contact conditions, dimensionless: penetration and

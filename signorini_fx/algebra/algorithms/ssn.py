@@ -67,6 +67,9 @@ class SemismoothNewton:
     been halved after several returns.  PETSc options with the prefix ``sfx_`` apply to the SNES,
     KSP and PC; otherwise the defaults are used.
 
+    ``symmetric`` states whether the Jacobian is symmetric; it is not if the friction bound depends
+    on the pressure.
+
     Attributes:
         problem: the regularised problem.
         history: the record of all solves.
