@@ -1,7 +1,7 @@
-"""Contact for anybody's forms: ``ContactProblem`` in the idiom of dolfinx, and what it needs of
-forms and conditions.
+"""Contact for user-defined forms: ``ContactProblem`` with the interface of dolfinx, and the checks
+of its forms and conditions.
 
-It knows UFL forms, function spaces and Dirichlet conditions.  It must not know materials or scenes.
+It handles UFL forms, function spaces and Dirichlet conditions, but no materials or scenes.
 """
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body

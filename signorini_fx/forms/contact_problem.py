@@ -1,5 +1,5 @@
-"""``ContactProblem``: contact and friction for anybody's symmetric form, in the idiom of
-``dolfinx.fem.petsc``.
+"""``ContactProblem``: contact and friction for a symmetric bilinear form of the user, with the
+interface of ``dolfinx.fem.petsc.LinearProblem``.
 """
 
 from __future__ import annotations
@@ -51,21 +51,23 @@ if TYPE_CHECKING:
 
 
 class ProblemOfForms:
-    """A problem with the results of a ``Solution``."""
+    """The interface that linear and nonlinear problems of forms share: run, results and
+    derivatives.
+    """
 
     assembled: Any
-    _ended: Any  # what knows how the last solve has ended
+    _ended: Any  # the object that holds the status and certificate of the last solve
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
-    # What each owned cell of a solution has of the squared error, the strain energy, and the
-    # contacts at displaced points, see ``combined``; collective.
+    # The squared error of each owned cell, the strain energy, the contacts that are met at
+    # displaced points, and the modulus; see ``combined``; collective.
     _errors_in_body: Callable[[Solution], tuple[Array, float, Collection[int], float | None]]
-    # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data;
-    # collective.
+    # A function that returns the named model, the last solution as ``SolvedStep.of`` takes it, and
+    # a function that returns the present data of the problem; collective.
     _differentiated: Callable[[], tuple[Any, ...]]
-    # The solution of a run with a path, clock and checkpoint of ``begun_path`` and ``on_step``;
-    # collective.
+    # Solves the path, clock and checkpoint of ``begun_path``, calls ``on_step``, and returns the
+    # solution; collective.
     _through: Callable[..., Solution]
-    _shared: Solution | None = None  # of several ranks, see ``_share``
+    _shared: Solution | None = None  # the solution on several ranks, see ``_share``
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
@@ -94,8 +96,8 @@ class ProblemOfForms:
 
     @property
     def certificate(self) -> Certificate | None:
-        """The check of the last solution against the conditions of the problem, of a nonlinear body
-        against F and the shapes; None before the first solve.
+        """The check of the last solution against the conditions of the problem; for a nonlinear
+        body, against F and the shapes at displaced points.  None before the first solve.
         """
         return self._ended.certificate
 
@@ -106,25 +108,27 @@ class ProblemOfForms:
 
     @property
     def state(self) -> ContactState:
-        """The contact points of this rank after the last solve, with forces and areas of the
+        """The contact points of this rank after the last solve, with forces and areas on the
         undeformed boundary.
         """
         return self.assembled.state
 
     @property
     def solution(self) -> Solution:
-        """The last solution, or of a ``ContactProblem`` the last iterate; after ``run`` with all
-        load steps.  It has the values that the forms have now, on several ranks, where one rank may
-        read it alone, those of its solve.
+        """The last solution; after ``run``, with all load steps.  A ``ContactProblem`` that did not
+        converge gives its last iterate.
+
+        On one rank its results use the present values of the forms.  On several ranks they are
+        those of the solve, so that one rank may read them alone.
 
         Raises:
-            RuntimeError: there is none so far.
+            RuntimeError: there is no solution yet.
         """
         return self._titled("") if self._shared is None else self._shared
 
     def _share(self) -> None:
-        """Make ``solution`` where several ranks have parts of it, so that one of them may read it
-        alone; collective.
+        """Build ``solution`` now if there are several ranks, so that one of them may read it alone
+        later; collective.
         """
         self._shared = None
         if self.assembled.space.mesh.comm.size > 1:
@@ -132,13 +136,13 @@ class ProblemOfForms:
 
     @property
     def errors(self) -> Errors:
-        """Estimated errors of the last solution, relative: of the displacement in the energy norm,
-        or of a nonlinear body of the stress, and of contact pressure and contact force; collective.
+        """Estimated relative errors of the last solution: of the displacement in the energy norm
+        (of a nonlinear body, of the stress), and of contact pressure and contact force; collective.
 
-        What the mesh does not resolve of loads, gap and friction is not among them.
+        They do not include what the mesh fails to resolve of loads, gap and friction.
 
         Raises:
-            RuntimeError: there is no solution so far, or no stress of it.
+            RuntimeError: there is no solution yet, or it has no stress.
             FormError: there is no contact, no ``stress``, or a measure multiplies the forms.
         """
         if not self.assembled.contact:
@@ -149,8 +153,10 @@ class ProblemOfForms:
         return self.errors_of(self.solution)
 
     def errors_of(self, solution: Solution) -> Errors:
-        """Return the estimated errors of the last solution, given as ``Solution``, whatever its
-        names are; collective.
+        """Return the estimated errors of the last solution; collective.
+
+        Args:
+            solution: the last solution, with any title and names.
         """
         from signorini_fx.results.accuracy.error_estimates import combined
 
@@ -166,7 +172,9 @@ class ProblemOfForms:
         )
 
     def initial(self) -> State:
-        """Return the body before the first load step, with foundations where they are."""
+        """Return the state before the first load step, with the foundations at their present
+        places.
+        """
         return self._ended.initial()
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
@@ -174,42 +182,45 @@ class ProblemOfForms:
         return self.assembled.points()
 
     def place(self, number: int, **placement: Any) -> None:
-        """Turn and move a foundation that has a shape, or change what drives it, for the next solve
-        and those after it.
+        """Shift and turn a foundation that has a shape, or change the forces that drive it, for the
+        next solve and all later ones.
 
-        Gap and normals are those of the new place.  After ``advance`` friction acts on the slip
-        relative to the foundation, which moves with its points.
+        Gap and normals follow from the new place.  After ``advance``, friction acts on the slip
+        relative to the foundation and its motion.
 
         Args:
-            number: of the foundation in ``contact``.
-            placement: its shift, rotation and pivot, or of one that forces move its force, moment,
-                prescribed components and spring, see ``statement.rigid_shape.Shape``; what is left
-                out stays.
+            number: index of the foundation in ``contact``.
+            placement: its ``shift``, ``rotation`` and ``pivot``; for a foundation moved by forces
+                also its force, moment, prescribed components and spring, see
+                ``statement.rigid_shape.Shape``. What is left out stays as it is.
 
         Raises:
-            FormError: it has no shape that can be placed, or the placement is wrong.
+            FormError: the foundation has no shape that can be placed, or the placement is wrong.
         """
         self.assembled.foundations.place(number, placement)
 
     def map(self, space: fem.FunctionSpace) -> ScalarMap:
-        """Return what takes values at nodes, such as temperatures, to the contact points of the
-        last solve, and brings back what acts there; collective.
+        """Return a ``ScalarMap`` between nodes and the contact points of the last solve: it
+        evaluates nodal values, such as temperatures, at the points and returns what acts there to
+        the nodes; collective.
 
         Args:
-            space: of the values, with the nodes of ``u`` and one component.
+            space: a scalar space with the nodes of ``u``.
 
         Raises:
-            FormError: the space is another one.
-            RuntimeError: there is no solution so far.
+            FormError: the space does not fit.
+            RuntimeError: there is no solution yet.
         """
         from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
 
         return ScalarMap(self.state.boundary, space)
 
     def advance(self) -> None:
-        """End a step of an own time loop: friction acts on what the next solve adds to the slip,
-        from the shear of the last one, which turns with directions that change; a material goes on
-        from its state.  Solves before the next call start from here, whatever was tried between.
+        """End a step of your own time loop.
+
+        From then on friction acts on the additional slip, starting from the shear of this step,
+        which turns with the tangent directions; a material goes on from its present state.  All
+        solves until the next call start from here, whatever was tried in between.
 
         Raises:
             RuntimeError: the last solve has no solution.
@@ -226,30 +237,30 @@ class ProblemOfForms:
     ) -> Solution:
         """Solve load steps, with ``advance`` between them; collective.
 
-        A ramp takes smaller increments where there is no solution.  With a nonlinear body any step
-        is halved, the first one from time 0, and whatever ends the path, the problem is left at the
-        last step that has a solution.  A ``ContactProblem`` is left at the last load step, from
-        which another run goes on after ``advance``.
+        A ramp takes smaller increments where there is no solution. With a nonlinear body any step
+        may be halved, the first one from time 0, and the problem is left at the last step with a
+        solution, however the path ends. A ``ContactProblem`` is left at the last load step; after
+        ``advance`` another run continues from there.
 
         Args:
             path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
-            at: changes the problem to what it is at a time, which may also be an earlier one than
-                the last; or a Constant that takes the time.
-            folder: in which every load step is stored as soon as it is complete, each run in one of
-                its own; None: nowhere.
-            restart: go on from what an earlier run of the same program has stored there, on any
-                number of ranks; of a nonlinear body whose ``commit`` changes something that must
-                be ``kept``.
+            at: a function that changes the problem to a given time, which may be earlier than the
+                last one; or a Constant whose value becomes the time.
+            folder: the folder in which each complete load step is stored, one folder per run; None:
+                nothing is stored.
+            restart: whether to continue from what an earlier run of the same program stored there,
+                on any number of ranks. Functions that the ``commit`` of a nonlinear body changes
+                must be ``kept``.
             on_step: called with the result of each load step that has a solution.
 
         Raises:
             ConvergenceError: a load step has no solution; the ``solution`` of the error has those
-                before it.  Of a nonlinear body the step cannot be shortened: ``status`` is
-                ``LIMIT`` where the tangent or the displacement says that there is no equilibrium,
-                otherwise how the smallest step ends; or an equilibrium is unstable, or its
-                stability is not known.
-            FormError: see ``solve``; or an argument is wrong, or the folder is that of another
-                problem or run; or the smallest step ends with one, such as one of ``update``.
+                before it. For a nonlinear body: the step cannot be shortened further (``status`` is
+                ``LIMIT`` where tangent or displacement indicate that there is no equilibrium,
+                otherwise that of the smallest step), or the equilibrium is unstable, or its
+                stability is unknown.
+            FormError: see ``solve``; or an argument is wrong, or the folder belongs to another
+                problem or run, or the smallest step raises one, for example from ``update``.
         """
         from signorini_fx.forms.steps import begun_path
 
@@ -258,24 +269,23 @@ class ProblemOfForms:
         )
 
     def gradient(self, of: ufl.Form | str, by: fem.Constant | Sequence[fem.Constant]) -> Gradient:
-        """Return derivatives of a result of the last solve by Constants of the problem, by one
-        adjoint solve; collective.
+        """Return the derivatives of a result of the last solve with respect to Constants of the
+        problem, by one adjoint solve; collective.
 
             problem.gradient(of=u[1] * ds(top), by=[young, friction])
 
-        Contact forces on a nonlinear body turn with the displacement, and so do derivatives of
-        theirs.
+        The derivatives include that contact forces on a nonlinear body turn with the displacement.
 
         Args:
-            of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact
-                by name or number: ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"mean
-                top y"``.
+            of: a UFL form of ``u`` without arguments; or a quantity as in scenes, with the name or
+                number of the contact: ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``,
+                ``"mean top y"``.
             by: Constants with one value in the forms, the conditions, or the foundations.
 
         Raises:
-            RuntimeError: there is no solution; or the result depends on what was there before
-                ``advance``, or of a nonlinear body before the last step, as it does with friction,
-                or a state of the material.
+            RuntimeError: there is no solution; or the result depends on states before ``advance``,
+                or of a nonlinear body on those before the last step, as with friction or a material
+                state.
             FormError: an argument is wrong; there is no contact; forces move a foundation; or two
                 nonlinear bodies touch.
         """
@@ -301,15 +311,16 @@ class ProblemOfForms:
         pdf: bool = False,
         report: bool = False,
     ) -> dict[str, Any]:
-        """Write the result folder of the last solution, as that of a scene; collective.
+        """Write the result folder of the last solution, with the same files as for a scene;
+        collective.
 
         Args:
-            folder: made if it does not exist.
-            title: any text.
+            folder: the folder, created if it does not exist.
+            title: the title of the results.
             fields: see ``write_results``.
             pictures: see ``write_results``.
             pdf: see ``write_results``.
-            report: whether to write ``report.html``, too.
+            report: whether to write ``report.html`` as well.
 
         Returns:
             The summary.
@@ -328,39 +339,41 @@ class ProblemOfForms:
 
 
 class ContactProblem(ProblemOfForms):
-    """A linear problem of your own forms with contact: find y with a(y, z) = L(z) for all z, and
-    contact on parts of the boundary.
+    """A linear problem of your own forms with contact: find y with a(y, z) = L(z) for all z,
+    subject to contact conditions on parts of the boundary.
 
-    Constants and Functions in the forms, in the conditions and in the foundations may change
-    between two solves: what has not changed is neither assembled nor factorised again.  An own time
-    loop calls ``advance`` after each step.
+    Constants and Functions in the forms, in the Dirichlet conditions and in the foundations may
+    change between two solves; only what has changed is assembled and factorised again. In your own
+    time loop call ``advance`` after each step.
 
     Args:
         a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled;
             on a mesh of plane cells in 3D, a section, too.
         L: a linear form on the same space.
-        bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
-        contact: the foundations, and the pairs of bodies that can touch; none: the body alone.
-        u: the Function that takes the solution; None: a new one.
-        petsc_options_prefix: of the options of this problem in PETSc's database.
-        petsc_options: options without that prefix, for the SNES, its KSP and PC.
+        bcs: Dirichlet conditions of dolfinx; where two prescribe the same unknown, the later one
+            applies.
+        contact: the foundations and the pairs of bodies that can touch; empty: no contact.
+        u: the Function for the solution; None: a new one.
+        petsc_options_prefix: prefix of this problem's options in the PETSc database.
+        petsc_options: options for the SNES, its KSP and PC, without that prefix.
         form_compiler_options, jit_options: see ``dolfinx.fem.form``.
-        stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL
-            of ``u`` or of the trial function, shape (d, d), or in 2D (3, 3); None: there are no
-            stresses.
-        materials: tags on all cells; the stress may jump where they change.  None: it does not
-            jump.
-        boundaries: names of parts of the boundary for results, each with its facets, as a
-            ``Foundation`` takes them.
-        effects: what else happens from load step to load step, see ``StepEffect``.
-        density: mass per volume, a number or UFL, or the bilinear form of the mass: bodies have
-            inertia, and each load step is a time step; None: they have none.
-        settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
+        stress: the stress, linear in the strain: a function of the displacement that returns UFL,
+            or UFL of ``u`` or of the trial function, shape (d, d), or (3, 3) in 2D; None: no
+            stresses are evaluated.
+        materials: tags on all cells; the stress may jump where they change. None: the stress is
+            continuous.
+        boundaries: names of parts of the boundary for results, each with its facets, given as for a
+            ``Foundation``.
+        effects: further effects from load step to load step, such as wear, see ``StepEffect``.
+        density: mass per volume, a number or UFL, or the bilinear form of the mass: the body has
+            inertia, and each load step is a time step; None: no inertia.
+        settings: settings of the solver, such as algorithm, coulomb and gamma_n, see
+            ``SolverSettings``.
 
     Attributes:
         u: the solution.
-        assembled: what the problem is solved with, for programs that go beyond this class.
-        pressure, shear, gap, slip: of all foundations, see ``ContactFields``.
+        assembled: the underlying solver, for programs that go beyond this class.
+        pressure, shear, gap, slip: nodal fields on all contact boundaries, see ``ContactFields``.
 
     Raises:
         FormError: an argument is wrong.
@@ -425,30 +438,32 @@ class ContactProblem(ProblemOfForms):
         self.shear = fields.shear
         self.gap = fields.gap
         self.slip = fields.slip
-        # Of the last solution that was asked for them.
+        # Stresses of the last solution, with the report that they belong to.
         self._stresses: tuple[Report | None, RawStresses] | None = None
         self._ran: Ran | None = None  # the last ``run``, until the next solve
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:
-        """Solve the load step from a state with the values of now; collective.
+        """Solve the load step that follows a state, with the present values of the problem;
+        collective.
 
             state = problem.initial()
             for time in (1.0, 2.0):
                 load.value = 10.0 * time
                 state, result = problem.step(state, time)
 
-        ``u``, ``pressure`` and all others are those of this step.
+        ``u``, ``pressure`` and all other fields are updated to this step.
 
         Args:
-            state: the end of the load step before, or ``initial()``; it stays as it is.
-            time: of the end of the load step.
+            state: the end of the previous load step, or ``initial()``; it is not changed.
+            time: the end of the load step.
 
         Returns:
-            The state at its end and the result, whose ``status`` says whether it is a solution.
+            The state at the end and the result, whose ``status`` says whether it is a solution.
 
         Raises:
             FormError: see ``solve``.
-            SceneError: the time is not after that of the state, or the state is of another mesh.
+            SceneError: the time is not after that of the state, or the state belongs to another
+                mesh.
         """
         from signorini_fx.forms.steps import solve_step
 
@@ -460,7 +475,7 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
-        """Return the motions of the rigid bodies in the last solution."""
+        """The motions of the rigid bodies in the last solution."""
         report = self.assembled.report
         return () if report is None else report.result.rigid_bodies
 
@@ -470,8 +485,8 @@ class ContactProblem(ProblemOfForms):
         ``RawStresses``; collective.
 
         Raises:
-            RuntimeError: the problem was given no ``stress``, or there is no solution so far.
-            FormError: this has another shape, or some strain has no stress.
+            RuntimeError: the problem has no ``stress``, or there is no solution yet.
+            FormError: the stress has the wrong shape, or is zero for some strain.
         """
         return self._stress_of(lambda: self.solution)
 
@@ -497,8 +512,8 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def solver(self) -> PETSc.SNES:
-        """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not
-        yet; collective.
+        """The SNES of the semi-smooth Newton method, for monitors and options; the first access
+        sets the problem up; collective.
         """
         solver = self.assembled
         with options_applied(*solver.options):
@@ -507,14 +522,15 @@ class ContactProblem(ProblemOfForms):
             return solver.task.newton.snes
 
     def solve(self) -> fem.Function:
-        """Solve with the values that constants, Functions and conditions have now; collective.
+        """Solve with the present values of Constants, Functions and Dirichlet conditions;
+        collective.
 
         Returns:
             ``u``.
 
         Raises:
-            ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last
-                iterate.
+            ConvergenceError: no solution was found; ``status`` gives the reason, and ``u`` is the
+                last iterate.
             FormError: a value is not finite, or cannot be evaluated.
         """
         self._ran = None

@@ -1,8 +1,8 @@
-"""What forms say of a body: its stiffness, moduli and scales, its stresses, and what its
-certificate judges.
+"""The elastic body of user forms: stiffness, moduli and scales, stresses, and the quantities that
+its certificate judges.
 
-Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are
-assembled anew, without the matrix.
+Equilibrium is checked with the user's forms: the action of ``a`` on the displacement and ``L`` are
+assembled again, without the matrix.
 """
 
 from __future__ import annotations
@@ -67,10 +67,18 @@ def elastic_body(
     named: tuple[Statement, TaggedMesh],
     **more: Any,
 ) -> Model:
-    """Return the elastic body of a user's form, assembled unless ``more`` has that, see ``Model``;
-    collective.
+    """Return the elastic body of a user's form; collective.
 
-    ``named``: see ``named_parts``.
+    Args:
+        space: the space of the displacement.
+        a: the bilinear form.
+        bcs: Dirichlet conditions.
+        fixed: flags of prescribed owned dofs.
+        boundary: the contact points; None: no contact.
+        settings: settings of the solver.
+        named: statement and tagged mesh, see ``named_parts``.
+        more: further arguments of ``Model``; the stiffness is assembled and checked unless they
+            contain an assembled one.
     """
     kinematics = CARTESIAN[space.mesh.geometry.dim]
     body = Model(
@@ -101,19 +109,28 @@ NOT_POSITIVE = "is not positive: a(z, z) is not for some basis function z; check
 
 
 class MatrixError(FormError):
-    """The matrix of a form cannot be used."""
+    """The matrix of a form cannot be used for a solve."""
 
     @property
     def fault(self) -> str:
-        """Why, one of the above."""
+        """The reason: one of ``NOT_FINITE``, ``NOT_SYMMETRIC`` and ``NOT_POSITIVE``."""
         return self.problems[0][1]
 
 
 def check_energy(
     matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True
 ) -> None:
-    """Raise a MatrixError unless a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each
-    basis function z of the ``owned`` unknowns of the body; collective.
+    """Raise a MatrixError unless the matrix is finite, symmetric and has a positive diagonal;
+    collective.
+
+    Symmetry, a(x, y) = a(y, x), is tested for two random vectors, and a(z, z) > 0 for each basis
+    function z.
+
+    Args:
+        matrix: the matrix of the form.
+        owned: number of dofs of the body on this rank, which come first.
+        definite: whether to test the diagonal.
+        symmetric: whether to test the symmetry.
     """
     x, y = matrix.createVecs()
     generator = np.random.default_rng(matrix.comm.rank)
@@ -134,23 +151,23 @@ def check_energy(
 
 
 def modulus_of(body: Model, boundary: ContactBoundary, facets: Sequence[Indices]) -> float:
-    """Return the modulus of a body, the scale of gamma, by its stiffness; collective.
+    """Return the modulus of a body, the scale of gamma, estimated from its stiffness; collective.
 
-    Without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else
-    that of the stiffness near the contact points.  A point that moves alone strains cells, of the
-    size l along the boundary and h across it: per area it meets about E (1 / h + h / l^2).
+    Without contact it is the geometric mean of the diagonal of the stiffness, which is about E h^(d
+    - 2) per node, over h^(d - 2).  With contact it is estimated near the contact points: a point
+    that moves alone strains cells of size l along the boundary and h across it, and meets about E
+    (1 / h + h / l^2) per area.
     """
     space = body.space
     diagonal = body.stiffness.getDiagonal()
     if (
         body.relative is not None
-    ):  # what turning normals do to rigid bodies is no stiffness of the body
+    ):  # the terms of turning normals on rigid bodies are not stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
     mesh = space.mesh
     dim = space.mesh.topology.dim
     if body.boundary is None:
-        # Of logarithms: a few entries of a penalty would make an arithmetic mean that of the
-        # penalty.
+        # Mean of logarithms: a few penalty entries would dominate an arithmetic mean.
         free = np.abs(diagonal.getArray(readonly=True)[~body.prescribed])
         units = mesh.h(dim, np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)) ** (
             dim - 2
@@ -173,8 +190,8 @@ def modulus_of(body: Model, boundary: ContactBoundary, facets: Sequence[Indices]
 
 
 def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: Indices) -> Array:
-    """Degree times mean of 1 / h + h / l^2 of the facets around each node of this rank, nan without
-    any; collective.
+    """Return the degree times the mean of 1 / h + h / l^2 over the facets around each node of this
+    rank, 1 / length; nan at nodes without a facet; collective.
     """
     mesh = space.mesh
     dim = space.mesh.topology.dim
@@ -200,32 +217,30 @@ def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: I
 
 @dataclass(frozen=True)
 class FormMechanics(Mechanics):
-    """The mechanics of a model that forms say all of; what depends on values in them is that of
-    their present ones.
-    """
+    """The mechanics of a model that is defined by forms, with their present values."""
 
     no_bounds = "a guaranteed bound is for scenes, which state their loads and supports"
 
-    forms: GivenForms  # what is assembled
-    prescribed: tuple[Flags, Array]  # which dofs of this rank, with ghosts, and to what
+    forms: GivenForms  # the forms
+    prescribed: tuple[
+        Flags, Array
+    ]  # flags and values of prescribed dofs of this rank, ghosts included
     placed: Sequence[PlacedShape]  # the shapes of foundations
-    settled: bool = (
-        True  # whether the forms are of the results, not of a later load step that failed
-    )
+    settled: bool = True  # False: the forms belong to a later, failed step
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         return self.placed
 
     def load(self, system: ElasticSystem, step: float) -> Array:
-        """Return the system has those of the present values."""
+        """Return a single load factor of one, as the forms hold their present values."""
         return np.ones(1)
 
     def loads_at(self, step: float) -> Loads:
         return Loads(assemble(self.forms.compiled[1]), self.prescribed[1])
 
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """Return internal, external and support forces of the present values of the forms; ``step``
-        is ignored.
+        """Return internal, external and support forces with the present values of the forms;
+        ``step`` is ignored.
         """
         a, L = self.forms.compiled
         fixed, values = self.prescribed
@@ -250,8 +265,8 @@ class FormMechanics(Mechanics):
 
     @cached_property
     def recovery(self) -> StressRecovery:
-        """Return the recovery of the stress for error estimates; it ignores the traction of
-        compiled forms.
+        """The recovery of the stress for error estimates; the traction of compiled forms is
+        ignored.
         """
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
@@ -264,7 +279,7 @@ class FormMechanics(Mechanics):
         return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """Return what acts through the parts of the boundary that have names."""
+        """Return the forces that act through the named parts of the boundary."""
         from signorini_fx.results.resultants import ActingForces
 
         balance = self.balance(y, step)
@@ -276,9 +291,10 @@ class FormMechanics(Mechanics):
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:
-    """The loads of UFL forms, and what resists the displacement on the boundary, see
-    ``ActingForces``: each belongs to the parts of the boundary that hold all facets of its
-    integral; collective.
+    """Yield the loads of UFL forms, and the forces of boundary terms of ``a`` that resist the
+    displacement, see ``ActingForces``; collective.
+
+    Each belongs to the named parts of the boundary that contain all facets of its integral.
     """
     comm = forms.mesh.comm
     dim = forms.mesh.geometry.dim
@@ -311,9 +327,11 @@ def acting_on(
     *,
     displaced: bool = False,
 ) -> ActingForces:
-    """Return what acts on a body whose supports are parts of its boundary: those at all of whose
-    nodes the same components are prescribed; at a node of two of them a component belongs to the
-    later one; collective.
+    """Return the forces that act on a body whose supports are named parts of its boundary;
+    collective.
+
+    A part is a support if at all of its nodes the same component is prescribed.  Where two supports
+    share a node, the component belongs to the later one.
     """
     from signorini_fx.results.resultants import ActingForces
 
@@ -328,7 +346,7 @@ def acting_on(
         held = parallel.global_sum(space.mesh.comm, free.astype(np.float64)) == 0
         supports.append(name if held.any() else None)
         by[marked_nodes(space, nodes.ravel())[:, None] & held] = (
-            number  # the owner of a node need not have the facet
+            number  # also nodes of facets that another rank owns
         )
     balance = replace(balance, supports=replace(balance.supports, by=by[: len(balance.external)]))
     loads = list(loads)
@@ -339,8 +357,12 @@ def acting_on(
 
 
 def prescribed_nodes(fixed: Flags, values: Array, space: fem.FunctionSpace) -> PrescribedNodes:
-    """Return which dofs of this rank, with ghosts, are prescribed, and to what, as certificates
-    take it, shapes (dofs,).
+    """Return the prescribed components of the owned nodes in the format of certificates.
+
+    Args:
+        fixed: flags of prescribed dofs of this rank, ghosts included, shape (dofs,).
+        values: their values, length, shape (dofs,).
+        space: the space of the displacement.
     """
     dim = space.mesh.geometry.dim
     owned = space.dofmap.index_map.size_local
@@ -349,9 +371,17 @@ def prescribed_nodes(fixed: Flags, values: Array, space: fem.FunctionSpace) -> P
 
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStress:
-    """Return the stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3,
-    3), linear in the strain but for a stress without strain, with the moduli at the middle of each
-    cell; a FormError says why not; collective.
+    """Return the stress of a displacement, with the moduli at the midpoint of each cell;
+    collective.
+
+    Args:
+        law: the stress as UFL, shape (d, d), or (3, 3) in 2D, linear in the strain up to a stress
+            without strain.
+        y: the displacement.
+        parts: the cells of each material.
+
+    Raises:
+        FormError: the stress has another shape, cannot be evaluated, or is zero for some strain.
     """
     from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
 
@@ -365,7 +395,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStr
         raise FormError.at(
             "stress", "has a Function of a quadrature element, which has no values at other points"
         )
-    known = full_stress.ufl_shape[0] == 3  # else that out of the plane is not
+    known = full_stress.ufl_shape[0] == 3  # otherwise the stress out of the plane is unknown
     kinematics = CARTESIAN[dim] if known else PLANE_STRESS
     sigma = padded(full_stress, dim, full_stress[2, 2] if known else 0)
     moduli = cellwise_moduli(_energy_by(law, law(fem.Function(y.function_space))), y.function_space)
@@ -382,9 +412,11 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStr
 
 
 def cellwise_moduli(energy: Energy, space: fem.FunctionSpace) -> Array:
-    """Return the components of the stress over those of the strain in the middle of each cell,
-    shape (cells, m, m), from the energy of two fields with one strain each, which are zero there,
-    so that no hoop strain adds to theirs; collective.
+    """Return the elasticity matrix at the midpoint of each cell, stress over strain components,
+    shape (cells, m, m); collective.
+
+    It is the energy of two displacement fields with a single strain component each. Both are zero
+    at the midpoint, so that there is no hoop strain.
     """
     mesh = space.mesh
     kinematics = CARTESIAN[space.mesh.geometry.dim]
@@ -398,8 +430,8 @@ def cellwise_moduli(energy: Energy, space: fem.FunctionSpace) -> Array:
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
     strained = [
         (x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs
-    ]  # one strain, or twice a shear
-    # One expression, which constants make that of each pair of fields.
+    ]  # one unit strain, or a shear strain of 1/2
+    # One compiled expression; its constants select the pair of fields.
     factors = [fem.Constant(mesh, np.zeros(len(strained))) for _ in range(2)]
     fields = [sum(factor[k] * field for k, field in enumerate(strained)) for factor in factors]
     with compiling():
@@ -414,7 +446,7 @@ def cellwise_moduli(energy: Energy, space: fem.FunctionSpace) -> Array:
 
 
 def _energy_by(law: Law, at_rest: Expr) -> Energy:
-    """Return the energy of two fields z and y by a law, sigma(y) : grad z."""
+    """Return a function of z and y that gives the energy density sigma(y) : grad z."""
 
     def energy(z: Expr, y: Expr) -> Expr:
         stress = law(y) - at_rest
@@ -425,8 +457,8 @@ def _energy_by(law: Law, at_rest: Expr) -> Energy:
 
 
 def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, Array] | None:
-    """Return both Lame parameters of each cell from ``cellwise_moduli``, or None if some cell is
-    not isotropic; collective.
+    """Return the Lame parameters (lambda, mu) of each cell from ``cellwise_moduli``, or None if
+    some cell is not isotropic; collective.
     """
     mu = moduli[:, -1, -1]
     lame = moduli[:, 0, 1]
@@ -445,9 +477,10 @@ def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, 
 def natural_modulus(
     law: Law | None, a: Any, measures: set[Expr], space: fem.FunctionSpace
 ) -> float | None:
-    """Young's modulus of the stiffest cell, the natural unit of stress: from the stress, or from
-    the form, divided by the UFL that contact is multiplied by; None if it is not isotropic, or
-    cannot be evaluated; collective.
+    """Return Young's modulus of the stiffest cell, the natural unit of stress, or None if the
+    material is not isotropic or the forms cannot be evaluated; collective.
+
+    It follows from the stress law, or from the form divided by the measure of the contacts.
     """
     mesh = space.mesh
     dim = space.mesh.geometry.dim
@@ -461,7 +494,7 @@ def natural_modulus(
     else:
         integrals = a.integrals_by_type("cell") if isinstance(a, ufl.Form) else ()
         everywhere = all(integral.subdomain_id() == "everywhere" for integral in integrals)
-        # Of several measures none is known to be that of the energy.
+        # With several measures it is unknown which one multiplies the energy.
         if not integrals or is_section(mesh) or not everywhere or len(measures) > 1:
             return None
         whole = sum(integral.integrand() for integral in integrals) / next(iter(measures), 1)
@@ -482,8 +515,8 @@ def natural_modulus(
 
 
 def _by_quadrature(expression: Expr) -> bool:
-    """Return whether it has a Function of a quadrature element, which has no values in the middle
-    of a cell.
+    """Return whether the expression contains a Function of a quadrature element, which cannot be
+    evaluated at the midpoint of a cell.
     """
     coefficients = ufl.algorithms.extract_coefficients(expression)
     return any(
@@ -492,10 +525,16 @@ def _by_quadrature(expression: Expr) -> bool:
 
 
 def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Expr) -> ufl.Form | None:
-    """Return the squared residual of the traction that UFL forms prescribe, off the contact and in
-    components that are not prescribed, see ``squared_residual``; collective.
+    """Return the squared residual of the traction that UFL forms prescribe, see
+    ``squared_residual``; collective.
 
-    ``z``: a test function, constant in each cell.
+    Contact facets and prescribed components are left out.
+
+    Args:
+        stress: the stress.
+        forms: the forms.
+        fixed: flags of prescribed dofs, ghosts included.
+        z: a test function, constant in each cell.
     """
     from signorini_fx.results.accuracy.stress_recovery import squared_residual
 
@@ -527,8 +566,8 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Expr)
 
 
 def _traction(integrand: Expr, y: fem.Function) -> Expr:
-    """Return what an integral over the boundary prescribes, as a vector: of L with its sign, of
-    a(y, .) minus that.
+    """Return the traction that a boundary integral prescribes, as a vector: for L the integrand
+    itself, for a the integrand a(y, .) with a minus sign.
     """
     *trial, test = sorted(
         ufl.algorithms.extract_arguments(integrand), key=lambda argument: -int(argument.number())
@@ -542,7 +581,7 @@ def _traction(integrand: Expr, y: fem.Function) -> Expr:
 
 
 def exterior_facets(integral: ufl.Integral, mesh: dmesh.Mesh) -> Indices:
-    """Return the exterior facets of this rank that an integral is over."""
+    """Return the exterior facets of this rank over which a boundary integral extends."""
     data = integral.subdomain_data()
     wanted = integral.subdomain_id()
     wanted = wanted if isinstance(wanted, tuple) else (wanted,)

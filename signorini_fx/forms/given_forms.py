@@ -1,5 +1,5 @@
-"""What a ``ContactProblem`` is given: its forms, what they say of stresses, its contact with its
-facets, and what it knows by name: parts of its boundary, and its contact as the entries of a scene.
+"""The arguments of a ``ContactProblem``, checked: forms, stress, materials, contact with its
+facets, and the same as a named statement with boundaries and contact entries like those of a scene.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ CompilerOptions = dict[str, str | float | Path | list[str]] | None
 
 
 class FormOptions(TypedDict, total=False):
-    """What forms are compiled with."""
+    """Options for the compilation of forms."""
 
     form_compiler_options: CompilerOptions
     jit_options: CompilerOptions
@@ -54,28 +54,26 @@ class FormOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class GivenForms:
-    """The arguments of a ``ContactProblem`` that stay as they are, checked and compiled."""
+    """The arguments of a ``ContactProblem`` that never change, checked and compiled."""
 
-    space: fem.FunctionSpace  # of the displacement
-    original: tuple[UflOrCompiled | None, UflOrCompiled]  # a and L as they were given
-    compiled: tuple[fem.Form, fem.Form]  # the same, compiled
-    stress: Law | None  # of a displacement; None: none was given
+    space: fem.FunctionSpace  # the space of the displacement
+    original: tuple[UflOrCompiled | None, UflOrCompiled]  # a and L as the user gave them
+    compiled: tuple[fem.Form, fem.Form]  # compiled a and L
+    stress: Law | None  # the stress as a function of the displacement; None: not given
     parts: Sequence[Indices]  # the cells of each material
     contact: tuple[Foundation | Pair, ...]
-    facets: Sequence[Indices]  # of each contact
-    masters: Mapping[int, Indices]  # of the other side of each pair, by its number
-    boundaries: Mapping[
-        str, Indices
-    ]  # the facets of each part of the boundary that was given a name
+    facets: Sequence[Indices]  # facets of each contact
+    masters: Mapping[int, Indices]  # facets of the other side of each pair, by contact number
+    boundaries: Mapping[str, Indices]  # facets of each named part of the boundary
 
     @property
     def mesh(self) -> dmesh.Mesh:
-        """Return the mesh of the body."""
+        """The mesh of the body."""
         return self.space.mesh
 
     @property
     def measures(self) -> set[Expr]:
-        """What contacts are multiplied by, which estimates of errors do not know."""
+        """The measures that multiply contacts, which error estimates do not account for."""
         return {getattr(contact, "measure", None) for contact in self.contact} - {None}
 
 
@@ -90,8 +88,8 @@ def given_forms(
     boundaries: Mapping[str, Facets] | None = None,
     **compiler_options: Unpack[FormOptions],
 ) -> tuple[GivenForms, fem.Function]:
-    """Return what a ``ContactProblem`` is given, and the Function that takes its solution;
-    collective.
+    """Return the checked and compiled arguments of a ``ContactProblem``, and the Function for its
+    solution; collective.
     """
     space = space_of(a, L, u)
     entries = foundations_of(contact)
@@ -119,13 +117,16 @@ def given_forms(
 def named_parts(
     forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()
 ) -> tuple[Statement, TaggedMesh]:
-    """Return what is known of forms by name, whatever their Constants are: contact and settings,
-    with a single load step, and the mesh with the names of its boundaries; collective.
+    """Return the statement and the tagged mesh of forms; collective.
 
-    A contact, or the other side of a pair, has the name of the part of the boundary with the same
-    facets, or a number.
+    The statement has the contact and the settings with a single load step and does not depend on
+    Constants. A contact, or the other side of a pair, is named after the boundary part with the
+    same facets, otherwise by its number.
 
-    ``arguments``: what they were stated by, else the forms.
+    Args:
+        forms: the forms.
+        settings: settings of the solver.
+        arguments: names of the arguments that state the body; empty: those of the forms given.
     """
 
     def name(part: Indices, otherwise: str) -> str:
@@ -175,8 +176,8 @@ def named_parts(
 
 
 _NOT_A_SETTING = "is no setting of a contact problem"
-# Settings of a scene that concern its meshes, or its first load step, and arguments of dolfinx's
-# problems.
+# Settings that only scenes have (meshes, first load step), and arguments of dolfinx's own problem
+# classes.
 _NOT_HERE = {
     "levels": _NOT_A_SETTING,
     "initial_contact": _NOT_A_SETTING,
@@ -187,7 +188,7 @@ _NOT_HERE = {
 
 
 def law_of(stress: Expr | Law | None, u: fem.Function) -> Law | None:
-    """Return what ``ContactProblem`` is given, as a function of the displacement."""
+    """Return the given stress as a function of the displacement, or None if there is none."""
     if stress is not None and is_section(u.function_space.mesh):
         raise FormError.at(
             "stress", "stresses and their estimates are not possible yet on a plane mesh in 3D"
@@ -200,7 +201,7 @@ def law_of(stress: Expr | Law | None, u: fem.Function) -> Law | None:
 
 
 def space_of(a: UflOrCompiled, L: UflOrCompiled, u: fem.Function | None) -> fem.FunctionSpace:
-    """Return the space of the displacements."""
+    """Return the space of the displacements, which all arguments of the forms must share."""
     if np.issubdtype(default_scalar_type, np.complexfloating):
         raise FormError.at("a", "PETSc is built for complex numbers; contact needs a real build")
     if not isinstance(u, fem.Function | None):
@@ -239,9 +240,11 @@ def space_of(a: UflOrCompiled, L: UflOrCompiled, u: fem.Function | None) -> fem.
 
 
 def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
-    """Return the space, if contact is possible in it.
+    """Return the space if contact is possible in it, otherwise raise a FormError.
 
-    ``name``: of the argument that has it.
+    Args:
+        space: the space of the displacement.
+        name: name of the argument that has the space, for the error.
     """
     mesh = space.mesh
     wanted = "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
@@ -253,7 +256,7 @@ def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
             and not element.discontinuous
             and element.degree in (1, 2)
         )
-    except RuntimeError:  # one made of several
+    except RuntimeError:  # a mixed element
         fits = False
     if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
         raise FormError.at(name, f"its space is {space.ufl_element()}: {wanted}")
@@ -269,7 +272,7 @@ def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
 def conditions_of(
     bcs: fem.DirichletBC | Sequence[fem.DirichletBC] | None, space: fem.FunctionSpace
 ) -> list[fem.DirichletBC]:
-    """Return the Dirichlet conditions."""
+    """Return the Dirichlet conditions as a list; raise a FormError if one is on another space."""
     bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
@@ -284,7 +287,7 @@ def conditions_of(
 
 
 def settings_of(options: dict[str, SettingValue]) -> SolverSettings:
-    """Return the settings of the solver."""
+    """Return the settings of the solver from the keyword arguments of a problem."""
     known: dict[str, Any] = {
         name: value for name, value in options.items() if value is not None or name not in _NOT_HERE
     }
@@ -305,7 +308,7 @@ def settings_of(options: dict[str, SettingValue]) -> SolverSettings:
 def foundations_of(
     contact: Foundation | Pair | Iterable[Foundation | Pair] | None,
 ) -> tuple[Foundation | Pair, ...]:
-    """Return the foundations and pairs, their own arguments checked as far as they need no mesh."""
+    """Return the foundations and pairs after the checks of their arguments that need no mesh."""
     problems = list[tuple[str, str]]()
     if isinstance(contact, Foundation | Pair):
         contacts = [contact]
@@ -355,8 +358,11 @@ def foundations_of(
 def facets_of(
     contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh
 ) -> tuple[list[Indices], dict[int, Indices]]:
-    """Return the exterior facets of each contact that this rank owns, ascending, and those of the
-    masters of pairs by the number of the contact, each given on any rank that has it; collective.
+    """Return the facets of each contact, and those of the masters of pairs by contact number;
+    collective.
+
+    Facets are the exterior ones that this rank owns, ascending. A facet may be given on any rank
+    that has it.
     """
     pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
     if is_section(mesh) and pairs:
@@ -415,8 +421,8 @@ def facets_of(
 
 
 def parts_of(materials: dmesh.MeshTags | None, mesh: dmesh.Mesh) -> list[Indices]:
-    """Return the cells of each material, with ghosts, from tags on all of them; None if there is
-    one material; collective.
+    """Return the cells of each material, ghosts included; without tags, one material with all
+    cells; collective.
     """
     dim = mesh.topology.dim
     error = None
@@ -436,7 +442,7 @@ def parts_of(materials: dmesh.MeshTags | None, mesh: dmesh.Mesh) -> list[Indices
 
 
 def _listed(selection: Facets, mesh: dmesh.Mesh, dim: int, count: int) -> Indices:
-    """Local numbers of facets, ghosts included, from a list of them or from tags."""
+    """Return local facet numbers, ghosts included, from such numbers or from tags."""
     if (
         isinstance(selection, tuple)
         and len(selection) == 2
@@ -457,7 +463,7 @@ def _listed(selection: Facets, mesh: dmesh.Mesh, dim: int, count: int) -> Indice
 
 
 def boundaries_of(given: Mapping[str, Facets] | None, mesh: dmesh.Mesh) -> dict[str, Indices]:
-    """Return the facets of each part of the boundary that has a name; collective."""
+    """Return the owned facets of each named part of the boundary; collective."""
     facets = dict[str, Indices]()
     problems = list[tuple[str, str]]()
     for name, selection in (given or {}).items():

@@ -1,6 +1,4 @@
-"""A ``ContactProblem`` on one mesh after the other: nested iteration, and solution to a given
-accuracy.
-"""
+"""A ``ContactProblem`` on a sequence of meshes: nested iteration, and solution to an accuracy."""
 
 from __future__ import annotations
 
@@ -35,8 +33,15 @@ Make = Callable[[Any], Any]
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedForms(meshed_problem.MeshedProblem):
-    """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``.  ``family``:
-    makes finer meshes anew; None: cells are divided.
+    """A ``ContactProblem`` on one mesh of a sequence.
+
+    Attributes:
+        make: the user's function that makes the problem on a mesh.
+        tagged: the mesh with names of boundaries.
+        plain: whether ``make`` takes the mesh of dolfinx instead.
+        family: the user's function of n that makes a mesh with cells n times smaller; None: cells
+            are divided.
+        changed: settings in place of those of the problem; None: they stay.
     """
 
     make: Make
@@ -66,12 +71,12 @@ class MeshedForms(meshed_problem.MeshedProblem):
 
     @property
     def solver(self) -> FormSolver:
-        """Return the solver of this problem; collective."""
+        """The solver of this problem; collective."""
         return self.made.assembled
 
     @property
     def estimable(self) -> bool:
-        """Whether errors can be estimated."""
+        """Whether errors can be estimated: there is a stress, and no measure."""
         return self.solver.forms.stress is not None and not self.solver.forms.measures
 
     @property
@@ -112,7 +117,7 @@ def solve_nested(
     *,
     observers: Sequence[Observer] = (),
 ) -> Solution:
-    """Solve a problem on nested meshes, each starting from the solution on the one before;
+    """Solve a problem on nested meshes, on each starting from the solution on the previous one;
     collective.
 
         solution = solve_nested(make, mesh)
@@ -122,14 +127,14 @@ def solve_nested(
 
     Args:
         make: a function of a mesh that returns a ``ContactProblem``.
-        mesh: the coarsest mesh, whose triangles or tetrahedra are divided, of dolfinx or with named
-            boundaries, as ``make`` takes it; or a function of n that makes a mesh with cells n
-            times as small as those of n = 1.
-        levels: how many meshes, each with cells half as large as the one before.
+        mesh: the coarsest mesh of triangles or tetrahedra, which are divided, either a mesh of
+            dolfinx or a ``TaggedMesh``, whichever ``make`` takes; or a function of n that makes a
+            mesh with cells n times smaller than for n = 1.
+        levels: number of meshes; each halves the cell size of the previous one.
         observers: see ``solve``.
 
     Raises:
-        ConvergenceError: there is no solution; its ``solution`` has the last iterate.
+        ConvergenceError: there is no solution; the ``solution`` of the error is the last iterate.
         FormError: an argument is wrong; see also ``ContactProblem``.
         MeshError: the cells cannot be divided.
 
@@ -177,18 +182,18 @@ def solve_to_accuracy(
 
         solution = solve_to_accuracy(make, mesh, Accuracy(target="1%", of="peak"))
 
-    Cells are divided where the error is with ``refinement="adaptive"``, otherwise everywhere.  The
-    elements stay.
+    With ``refinement="adaptive"`` cells are divided where the error is large, otherwise everywhere.
+    The element degree stays the same.
 
     Args:
         make: see ``solve_nested``; its problems need ``stress``.
         mesh: see ``solve_nested``.
-        accuracy: the accuracy.
+        accuracy: the required accuracy.
         observers: see ``solve``.
 
     Raises:
-        ConvergenceError: there is no solution, or the accuracy is not reached; its ``solution`` has
-            the last mesh.
+        ConvergenceError: there is no solution, or the accuracy is not reached; the ``solution`` of
+            the error is that on the last mesh.
         FormError: an argument is wrong; see also ``ContactProblem``.
         MeshError: the cells cannot be divided.
 
@@ -259,7 +264,7 @@ def _first(
 
 
 def _tagged(mesh: AnyMesh) -> TaggedMesh:
-    """Return a mesh with names of boundaries, which one of dolfinx has none of."""
+    """Return the mesh as a ``TaggedMesh``; a mesh of dolfinx has no named boundaries."""
     if isinstance(mesh, TaggedMesh):
         return mesh
     if not isinstance(mesh, dmesh.Mesh):

@@ -1,5 +1,5 @@
-"""What a ``ContactProblem`` does: assemble what has changed, solve, certify, and keep the end of
-the last step.
+"""The solver behind ``ContactProblem``: it assembles what has changed, solves, certifies, and keeps
+the end of the last step.
 """
 
 from __future__ import annotations
@@ -62,13 +62,18 @@ UNDERIVED = "derivatives of motions with inertia are not possible yet"
 
 
 class BodyOfForms:
-    """What stays of a body from solve to solve: its forms, its supports and what it touches."""
+    """The part of a body that stays from solve to solve: its forms, Dirichlet conditions and
+    contact.
+    """
 
-    stated_by: Sequence[str] = ()  # what a user gives; empty: forms a and L
-    # What of it parts of contacts may refuse, by the names of features, and the argument for each.
+    stated_by: Sequence[str] = ()  # the arguments that state the body; empty: the forms a and L
+    # Features of the body that parts of contacts may refuse, each with the argument that it comes
+    # from.
     refused_features: Sequence[tuple[str, str]] = ()
     foundations: Foundations
-    model_of_scene: Model | None = None  # whose statement effects begin with; None: there is none
+    model_of_scene: Model | None = (
+        None  # the model whose statement effects begin with; None: no scene
+    )
 
     def __init__(
         self,
@@ -90,20 +95,23 @@ class BodyOfForms:
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history = History()
-        self.folders = list[Path]()  # with the load steps of its runs
+        self.folders = list[Path]()  # folders in which its runs have stored load steps
         self.density = density
         self.effects = (*effects_of_contact(forms.contact), *effects)
-        # Whether effects may move the body far without deforming it.
+        # Whether effects may move the body by large rigid motions.
         self.moves = any(effect.moves_bodies for effect in self.effects)
         self._check_parts()
-        self._mesh_x = space.mesh.geometry.x.copy()  # with which all that is kept was assembled
+        self._mesh_x = (
+            space.mesh.geometry.x.copy()
+        )  # the node coordinates of everything that is assembled
         self._state: ContactState | None = None
 
     def _check_parts(self) -> None:
-        """Refuse what parts of contacts, such as wear, do not go together with; collective.
+        """Refuse parts of contacts, such as wear, that cannot be combined with other features of
+        the problem; collective.
 
         Raises:
-            FormError: there is such a thing.
+            FormError: there is such a combination.
         """
         problems = list[tuple[str, str]]()
         inertia = [("inertia", "density")] * (self.density is not None)
@@ -123,12 +131,12 @@ class BodyOfForms:
 
     @cached_property
     def named(self) -> tuple[Statement, TaggedMesh]:
-        """See ``named_parts``."""
+        """The statement and the tagged mesh of the forms, see ``named_parts``."""
         return named_parts(self.forms, self.settings, self.stated_by)
 
     @property
     def contact(self) -> tuple[Foundation | Pair, ...]:
-        """The contact of the forms."""
+        """The foundations and pairs of the forms."""
         return self.forms.contact
 
     @property
@@ -145,12 +153,14 @@ class BodyOfForms:
         return self._state
 
     def show(self, state: ContactState | None) -> None:
-        """Make contact points those that the user sees, or None if there are none."""
+        """Make these contact points those of ``state`` and of the contact fields; None: there are
+        none.
+        """
         self._state = state
         self.fields.take(self.space, state)
 
     def initial(self) -> State:
-        """Return the body before the first step, with foundations where they are."""
+        """Return the state before the first step, with the foundations at their present places."""
         foundations = self.foundations
         zero = np.zeros_like(fem.Function(self.space).x.array)
         rigid = np.zeros(foundations.rigid_bodies.fixed.size)
@@ -161,12 +171,12 @@ class BodyOfForms:
 
     @property
     def mesh_has_moved(self) -> bool:
-        """Whether coordinates have changed since something was assembled; collective."""
+        """Whether node coordinates have changed since the last assembly; collective."""
         mesh = self.space.mesh
         return parallel.any_rank(mesh.comm, not np.array_equal(self._mesh_x, mesh.geometry.x))
 
     def refuse_driven(self) -> None:
-        """Refuse rigid bodies that forces move.
+        """Refuse rigid bodies whose motion follows from forces, which have no mass here.
 
         Raises:
             FormError: there is one.
@@ -176,13 +186,13 @@ class BodyOfForms:
             raise FormError.at("density", reason)
 
     def refuse_moving(self, reason: str) -> None:
-        """Raise a FormError where bodies move."""
+        """Raise a FormError with this reason if effects move the body, as inertia does."""
         if self.moves:
             raise FormError.at("density", reason)
 
     def supports(self) -> tuple[Flags, Array]:
-        """Return which dofs of this rank are prescribed now, ghosts included, and to what, shapes
-        (dofs,); collective.
+        """Return the flags and values of the prescribed dofs of this rank at present, ghosts
+        included, shapes (dofs,); collective.
         """
         return prescribed(self.space, conditions_of(self.bcs, self.space))
 
@@ -191,10 +201,13 @@ class BodyOfForms:
     ) -> ContactBoundary:
         """Return the contact points; collective.
 
-        ``fixed``, ``values``: what is ``prescribed``.
+        Args:
+            shapes: distances of the contacts.
+            fixed: flags of prescribed dofs, see ``supports``.
+            values: their values.
 
         Raises:
-            FormError: none of a contact can move.
+            FormError: all points of a contact are immovable.
         """
         boundary = self.foundations.points(shapes, fixed, values)
         moving = ~boundary.points.immovable | self.foundations.alone(boundary)
@@ -209,10 +222,10 @@ class BodyOfForms:
         return boundary
 
     def contact_now(self, solved: Any) -> tuple[Any, ...]:
-        """Prescribed values, contact points, gap and law of now; collective.
+        """Return the present prescribed values, contact points, gap and friction law; collective.
 
         Args:
-            solved: a problem of the same body with the solution.
+            solved: a problem of the same body that holds the solution.
         """
         foundations = self.foundations
         shapes = foundations.shapes()
@@ -227,7 +240,9 @@ class BodyOfForms:
 
 
 class FormSolver(BodyOfForms):
-    """The contact problem of forms on a path: as it is now, and the end of the last step."""
+    """The contact problem of forms along a load path: the present assembled problem and the end of
+    the last step.
+    """
 
     boundary: ContactBoundary
     elastic: Model
@@ -249,36 +264,40 @@ class FormSolver(BodyOfForms):
         super().__init__(forms, bcs, settings, petsc_options, effects, density=density)
         self.u = u
         self.go_through(counted_path(0))
-        self.report: Report | None = None  # of the last step
-        self.outdated = False  # whether another problem has been assembled since
+        self.report: Report | None = None  # the end of the last step
+        self.outdated = False  # whether a different problem has been assembled since
         self.coarser: MeshLevel | None = None
-        self.coarser_state: ContactState | None = None  # of a coarser mesh
-        self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
+        self.coarser_state: ContactState | None = (
+            None  # the contact state of a coarser mesh, to start from
+        )
+        self._inputs_before: dict[str, list[bytes]] | None = (
+            None  # the input values that the present matrices were assembled from
+        )
         self._natural: float | None = None  # see ``with_modulus``
-        # Duration and beginning of the step that effects make the matrix for; None: none does.
+        # Duration and initial state of the step if effects change its matrix; None: none does.
         self._timed: tuple[float, State] | None = None
-        self.begin = self.initial()  # from which steps begin
+        self.begin = self.initial()  # the state from which steps begin
         self.last: State | None = (
-            None  # the last solution of the step that begins there, or of the one before
+            None  # the last solution, of the step from ``begin`` or of the step before it
         )
 
     @property
     def status(self) -> Status | None:
-        """How the last step has ended, or None if there is none."""
+        """The status of the last step, or None if there is none."""
         return None if self.report is None else self.report.status
 
     @property
     def certificate(self) -> Certificate | None:
-        """The check of its result, or None if there is none."""
+        """The certificate of the last step, or None if there is none."""
         return None if self.report is None else self.report.result.certificate
 
     @property
     def set_up(self) -> bool:
-        """Whether all is assembled."""
+        """Whether everything is assembled."""
         return self._inputs_before is not None
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        """See ``State.save``."""
+        """Return the contact points and the space of the displacement, see ``State.save``."""
         if not self.set_up:
             self.update()
         return self.boundary, self.space
@@ -286,9 +305,13 @@ class FormSolver(BodyOfForms):
     def go_through(
         self, path: LoadPath, clock: Clock = lambda time: None, *, waits: bool = False
     ) -> None:
-        """Take load steps, with what changes the problem to what it is at a time.
+        """Set the load path for the following steps.
 
-        ``waits``: see ``LinearProblem``.
+        Args:
+            path: the load steps.
+            clock: a function that changes the problem to a given time.
+            waits: whether a body without load stays where it is until its load comes, see
+                ``LinearProblem``.
         """
         self.path = path
         self.clock = clock
@@ -299,10 +322,16 @@ class FormSolver(BodyOfForms):
     recall = recalled_equilibrium
 
     def accept(self, new: State, report: Report) -> None:
-        """What the clock changes is the user's."""
+        """Do nothing: the user's program keeps the states of the forms."""
 
     def pose_at(self, state: State, place: float, dt: float) -> Posed:
-        """Pose the step to a place, of a duration, after a state; collective."""
+        """Assemble the step from a state to a place on the load path; collective.
+
+        Args:
+            state: the state at which the step begins.
+            place: the place on the path where it ends.
+            dt: its duration.
+        """
         self.clock(self.path.time_at(place))
         self.begin = state
         if any(effect.overrides("body") for effect in self.effects):
@@ -325,7 +354,12 @@ class FormSolver(BodyOfForms):
         self.begin = self.last
 
     def show_step(self, new: State, report: Report) -> None:
-        """Make the end of a step the one that the user sees; collective."""
+        """Update ``u``, contact points and fields to the end of a step; collective.
+
+        Args:
+            new: the state at the end of the step.
+            report: how the step has ended.
+        """
         self.report = report
         self.outdated = False
         result = report.result
@@ -350,7 +384,7 @@ class FormSolver(BodyOfForms):
         driven = rigid.driven()
         now = self._inputs(shapes, rigid, driven)
         last = self._inputs_before
-        self._inputs_before = None  # until all that follows has gone well
+        self._inputs_before = None  # set at the end, so that it stays None if an error is raised
         changed = {
             name: parallel.any_rank(space.mesh.comm, last is None or last[name] != values)
             for name, values in now.items()
@@ -379,8 +413,8 @@ class FormSolver(BodyOfForms):
     def _inputs(
         self, shapes: Sequence[ShapeDistances], rigid: RigidBodies, driven: Driven
     ) -> dict[str, list[bytes]]:
-        """Return all values of now that something is assembled from: the form and the rest of the
-        stiffness, the contact points, and the loads; collective.
+        """Return the bytes of all present values that matrices and loads are assembled from, under
+        "form", "body" (the rest of the stiffness), "points" and "loads"; collective.
         """
         a, L = self.forms.compiled
         fixed, values = self.prescribed
@@ -404,15 +438,15 @@ class FormSolver(BodyOfForms):
         }
 
     def _renew_mesh(self) -> None:
-        """Forget what was computed of coordinates that have changed; collective."""
+        """Discard everything computed from node coordinates that have changed; collective."""
         self._inputs_before = None
         self._mesh_x = self.space.mesh.geometry.x.copy()
-        self.__dict__.pop("named", None)  # with the size of the mesh
+        self.__dict__.pop("named", None)  # it has the size of the mesh
         forget_positions(self.space)
         forget_pieces(self.space.mesh)
 
     def _set_up(self, shapes: Sequence[ShapeDistances], *, renewed: bool) -> None:
-        """Contact points and stiffness, unless only points are ``renewed``; collective."""
+        """Find the contact points and, if ``renewed``, assemble the stiffness; collective."""
         fixed, values = self.prescribed
         free_unused(self.space.mesh)
         boundary = self.boundary = self.contact_points(shapes, fixed, values)
@@ -428,7 +462,7 @@ class FormSolver(BodyOfForms):
         """Return the right-hand side; collective.
 
         Args:
-            driven: what drives rigid bodies.
+            driven: forces and prescribed motions of the rigid bodies.
         """
         values = self.prescribed[1]
         return case_of(self.elastic, assemble(self.forms.compiled[1]), values, driven, values)
@@ -451,23 +485,25 @@ class FormSolver(BodyOfForms):
         return stated if body is stated else replace(body, of_body={}, of_contact={})
 
     def mechanics(self, model: Model) -> FormMechanics:
-        """Return what the forms say of a model, with their values of now."""
+        """Return the mechanics of a model with the present values of the forms."""
         of_forms = self.forms, self.prescribed, self.foundations.placed_shapes
         return FormMechanics(model, self.named[0], *of_forms)
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
-        """Return the problem of now as derivatives take it; collective.
+        """Return the present forms, loads, prescribed values, contact points, gap and friction law
+        for the computation of derivatives; collective.
 
         Args:
-            solved: one of the same body with the solution.
+            solved: a solver of the same body that holds the solution; None: this one.
         """
         now = self.contact_now(solved or self)
         return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *now
 
 
 def solve_now(solver: FormSolver) -> str:
-    """Solve with the values of now; why there is no solution, and what to do, "": there is one;
-    collective.
+    """Solve with the present values; collective.
+
+    Returns an empty string, or if there is no solution the reason and what to do about it.
     """
     solver.refuse_moving(LASTS)
     guess = solver.last
@@ -494,8 +530,13 @@ def solve_now(solver: FormSolver) -> str:
 def with_modulus(
     elastic: Model, boundary: ContactBoundary, natural: float | None, facets: Sequence[Indices]
 ) -> Model:
-    """Return a body of forms with its unit of stress, the natural one, None: by its stiffness;
-    collective.
+    """Return a body of forms with its modulus, the unit of stress; collective.
+
+    Args:
+        elastic: the body.
+        boundary: its contact points.
+        natural: the modulus from ``natural_modulus``; None: it is estimated from the stiffness.
+        facets: the facets of each contact.
     """
     modulus = modulus_of(elastic, boundary, facets) if natural is None else natural
     return replace(elastic, modulus=modulus)
@@ -504,11 +545,18 @@ def with_modulus(
 def case_of(
     elastic: Model, forces: Array, values: Array, driven: Driven, lifted: Array
 ) -> LoadCase:
-    """Return the right-hand side of forces, shape (owned dofs,), with prescribed displacements,
-    ghosts included, shape (dofs,), and what of these is returned to it; collective.
+    """Return the right-hand side of a linear contact problem; collective.
+
+    Args:
+        elastic: the body.
+        forces: loads at the owned dofs, shape (owned dofs,).
+        values: prescribed displacements, ghosts included, shape (dofs,).
+        driven: forces and prescribed motions of rigid bodies.
+        lifted: displacements whose elastic forces are subtracted from the loads (Dirichlet
+            lifting), shape (dofs,).
 
     Raises:
-        FormError: something is not finite.
+        FormError: ``forces`` or ``values`` are not finite.
     """
     for name, entries in (("bcs", values), ("L", forces)):
         if parallel.any_rank(elastic.comm, not np.isfinite(entries).all()):
@@ -518,9 +566,15 @@ def case_of(
 
 @contextmanager
 def options_applied(prefix: str, problem_options: PetscOptions) -> Iterator[None]:
-    """Put the options of a problem where its solver objects read them, beside those of the
-    database; an OptionsError says that PETSc fails with them, or would run another method than ours
-    with one of them.
+    """Apply a problem's PETSc options while its solver objects are made and run, in addition to
+    those in the database.
+
+    An OptionsError is raised if PETSc fails with one of them, or if an option would replace our
+    method by another one.
+
+    Args:
+        prefix: prefix of the problem in the database.
+        problem_options: options without the prefix.
     """
     wanted = {
         name: None if value is None else str(value) for name, value in problem_options.items()

@@ -29,7 +29,7 @@ from signorini_fx.tuned import MOST_ADJOINT_UNKNOWNS
 if TYPE_CHECKING:
     from signorini_fx.forms.solver import BodyOfForms
 
-Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
+Ran = tuple[LoadPath, list[Report]]  # the load path of a run, and the reports of its steps
 
 
 def solve_path(
@@ -39,7 +39,7 @@ def solve_path(
     stored: StoredStates | None,
     on_step: Callable[[StepResult], object],
 ) -> Ran:
-    """Solve the load steps of a path, which the solver is left at the last of; collective."""
+    """Solve the load steps of a path, and leave the solver at the last one; collective."""
     solver.go_through(path, clock, waits=path.several)
     reports = list[Report]()
     way = Increments(path, solver.settings)
@@ -54,7 +54,9 @@ def solve_path(
 
 
 def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:
-    """Return the step from a state to a time with the values of now, which is shown; collective."""
+    """Solve the step from a state to a time with the present values, show it, and return its end
+    and result; collective.
+    """
     check_step(state, time, solver.space)
     solver.go_through(LoadPath((time,)))
     with options_applied(*solver.options):
@@ -65,25 +67,30 @@ def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, St
 
 
 def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
-    """Return the last solution, or iterate, with the values that the forms have now; of a run its
-    load steps; collective.
+    """Return the last solution or iterate, with the present values of the forms; collective.
+
+    Args:
+        solver: the solver.
+        ran: the path and reports of the last run, whose load steps the solution gets; None: there
+            was only a single solve.
+        title: the title of the solution.
     """
     report = solver.report
     if solver.outdated or report is None:
         raise RuntimeError("there is no solution so far: call solve()")
-    # Without a run the load steps are those of the user's own loop.
+    # Without a run the user's own loop counts the load steps.
     path, reports = ran or (counted_path(report.start.step), [report])
     steps = [report.result for report in reports]
     last = last_solved(reports)
     ended = last.outcome, last.data
-    # Of a load step that has failed the forms are not those of the results, which are of one before
-    # it.
+    # After a failed load step the forms have its values, while the results are those of a step
+    # before.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     model = replace(solver.elastic, title=title, path=path)
     mechanics = replace(solver.mechanics(model), settled=settled)
     found = partial(findings_of_steps, mechanics, steps, [])
     solution = contact_solution(mechanics, steps, solver.task, ended, solver.timings, found)
-    # The matrix is that of the last step.
+    # The adjoint solve needs the matrix, which is that of the last step.
     small = ran is None and solution.model.dofs <= MOST_ADJOINT_UNKNOWNS
     return replace(solution, state=solver.last, reached=report if small else None)
 
@@ -103,8 +110,8 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, StoredStates | None]:
-    """Return the load steps of a run, what goes through their times, and their checkpoint, if there
-    is one; collective.
+    """Return the load path of a run, the function that sets a time, and the stored states, None
+    without a folder; collective.
     """
     if not isinstance(path, LoadPath | Iterable):
         raise FormError.at("path", f"must be times, or a LoadPath, not {kind_of(path)}", "run")

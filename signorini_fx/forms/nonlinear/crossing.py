@@ -1,12 +1,12 @@
-"""Whether parts of a body have passed into each other where no contact sees it.
+"""Detection of parts of a body that have passed into each other where there is no contact.
 
-All cells keep their orientation, so that the winding number of the displaced boundary around a
-point is the number of cells that cover it.  A point just inside the middle of a facet of the
-boundary is in the cell of that facet.  Where a cell that has no vertex in common with this one
-covers it, too, two parts of the body overlap.
+All cells keep their orientation, so the winding number of the displaced boundary around a point is
+the number of cells that cover it.  A point just inside the midpoint of a boundary facet is in the
+cell of that facet.  If another cell, without a vertex in common, covers it too, two parts of the
+body overlap.
 
-Both sides of a contact may overlap by as much as their chords, and by a gap that is given: their
-distance is a condition of the contact, which the certificate looks at.
+The two sides of a contact may overlap by the error of their chords and by a given gap: their
+distance is a contact condition, which the certificate checks.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE
 
 @dataclass(frozen=True)
 class Crossing:
-    """A part of the body that is inside another part of it.
+    """A part of the body that is inside another part.
 
     Attributes:
-        itself: whether both parts are of one piece of the mesh.
-        text: the boundary, if it has a name, and the place, in words.
+        itself: whether both parts belong to one piece of the mesh.
+        text: the boundary, if it has a name, and the coordinates, as text.
     """
 
     itself: bool
@@ -43,14 +43,14 @@ class Crossing:
 
 @dataclass(frozen=True)
 class InnerPoints:
-    """Points just inside the middles of facets of the boundary, n of them.
+    """The n points just inside the midpoints of boundary facets.
 
     Attributes:
-        x: their places, length, shape (n, d).
-        vertices: global numbers of the vertices of their cells, shape (n, v).
-        piece: the numbers of their pieces of the mesh, shape (n,).
-        named: the number of the name of their boundary, -1 without one, shape (n,).
-        touching: whether a node of the facet is on the first and the second side of each of the
+        x: their displaced positions, length, shape (n, d).
+        vertices: global vertex numbers of their cells, shape (n, v).
+        piece: numbers of the pieces of the mesh that they belong to, shape (n,).
+        named: number of the named part of the boundary, -1 for none, shape (n,).
+        touching: whether a node of the facet is on the first and on the second side of each of the
             k pairs, shape (n, k, 2).
     """
 
@@ -62,9 +62,11 @@ class InnerPoints:
 
     @classmethod
     def of(cls, body: NonlinearBody, places: Array) -> InnerPoints:
-        """Return those of the facets of this rank.
+        """Return the points at the boundary facets of this rank.
 
-        ``places``: see ``BodyCells.placed``.
+        Args:
+            body: the body.
+            places: displaced nodes, see ``BodyCells.placed``.
         """
         space, forms, cells = body.space, body.forms, body.foundations.cells
         facets = dmesh.exterior_facet_indices(space.mesh.topology)
@@ -82,13 +84,15 @@ class InnerPoints:
         return cls(x, cells.vertices[entities[:, 0]], piece, named, touching)
 
     def taken(self, chosen: Ints | Flags) -> InnerPoints:
-        """Return some of the points."""
+        """Return a selection of the points."""
         return InnerPoints(*(values[chosen] for values in vars(self).values()))
 
     def sent(self, body: NonlinearBody, corners: Array) -> InnerPoints:
-        """Return those that cells of this rank may cover, of all ranks; collective.
+        """Return the points of all ranks that may be inside cells of this rank; collective.
 
-        ``corners``: of the cells.
+        Args:
+            body: the body.
+            corners: displaced vertices of the cells of this rank.
         """
         comm, corners = body.space.mesh.comm, corners.reshape(-1, self.x.shape[1])
         if comm.size == 1:
@@ -102,8 +106,10 @@ class InnerPoints:
 
 
 def crossing(body: NonlinearBody) -> Crossing | None:
-    """Return where the body at the displacement of now has passed into itself, or a body of the
-    mesh into another one, the last place in the order of coordinates; None: nowhere; collective.
+    """Return where the body has passed into itself or into another body of the mesh, at the present
+    displacement; collective.
+
+    Of several places it is the one with the largest coordinates; None if there is no overlap.
     """
     comm, cells = body.space.mesh.comm, body.foundations.cells
     places = cells.placed(body.at.x.array)
@@ -128,9 +134,15 @@ def crossing(body: NonlinearBody) -> Crossing | None:
 
 
 def behind(body: NonlinearBody, last: State) -> dict[int, str]:
-    """Return which boundaries have passed the surface of a foundation that they do not touch since
-    the last solution, by the number of its contact: name, place and depth of the deepest facet in
-    words; collective.
+    """Return the boundaries that have passed the surface of a foundation without contact since the
+    last solution; collective.
+
+    The key is the number of the contact; the text has name, coordinates and depth of the deepest
+    facet.
+
+    Args:
+        body: the body at the present displacement.
+        last: the last solution.
     """
     foundations = body.foundations
     cells = foundations.cells
@@ -167,14 +179,16 @@ def behind(body: NonlinearBody, last: State) -> dict[int, str]:
 
 
 def _corners_of(cells: BodyCells, entities: Indices, places: Array) -> Array:
-    """Return the vertices of facets, given by cell and facet of the cell, shape (n, v, d)."""
+    """Return the displaced vertices of facets, given as pairs (cell, facet of the cell), length,
+    shape (n, v, d).
+    """
     corners = cells.corners(places)[entities[:, 0]]
     on_facets = np.array(basix.topology(cells.kind)[-2])[entities[:, 1]]
     return np.take_along_axis(corners, on_facets[:, :, None], axis=1)
 
 
 def _named(body: NonlinearBody, facets: Indices) -> Ints:
-    """Return the numbers of the names of facets, -1 without one, shape (n,)."""
+    """Return the number of the named boundary part of each facet, -1 for none, shape (n,)."""
     named = np.full(facets.size, -1)
     for number, part in enumerate(body.names.values()):
         named[np.isin(facets, part)] = number
@@ -182,8 +196,8 @@ def _named(body: NonlinearBody, facets: Indices) -> Ints:
 
 
 def _allowed(body: NonlinearBody, points: InnerPoints) -> Flags:
-    """Return which points on a side of a contact are as near to its other side as both may
-    overlap, a facet and the gap that is given, shape (n,); collective.
+    """Return the flags of points on a side of a contact whose distance to the other side is within
+    the allowed overlap, one facet plus the given gap, shape (n,); collective.
     """
     foundations, allowed = body.foundations, np.zeros(len(points.x), dtype=bool)
     dim = points.x.shape[1]
@@ -199,7 +213,7 @@ def _allowed(body: NonlinearBody, points: InnerPoints) -> Flags:
         near = list[Flags]()
         for side, way in zip(both, moved, strict=True):
             nodes = np.unique(side.nodes)
-            if not nodes.size:  # a surface that may touch itself does not yet
+            if not nodes.size:  # a surface that may touch itself, but does not
                 near.append(np.zeros(len(points.x), dtype=bool))
                 continue
             extent = np.linalg.norm(np.ptp(side.displaced(way).corners, axis=1), axis=1)

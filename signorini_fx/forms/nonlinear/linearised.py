@@ -1,10 +1,10 @@
 """The contact problem of one iteration of Newton's method, for the whole displacement y.
 
-    a(y, z) = a(u, z) - F(u; z),    a = F'(u) - lambda Hess phi + what turns the shear,
+    a(y, z) = a(u, z) - F(u; z),    a = F'(u) - lambda Hess phi + the terms of turning shear,
 
-with the gaps and normals of the shapes at X + u.  The right-hand side is assembled from a and F as
-they are compiled: a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's
-method the residual of that.
+with the gaps and normals of the shapes at X + u.  The right-hand side is assembled from the
+compiled a and F separately: the form a(u, .) - F(u; .) would get its own quadrature degree, and
+Newton's method a residual with that degree.
 """
 
 from __future__ import annotations
@@ -86,20 +86,21 @@ if TYPE_CHECKING:
     from signorini_fx.forms.given_forms import Density, PetscOptions, SettingValue
     from signorini_fx.mechanics.interfaces import Facets, Foundation, Pair
 
-# How a contact problem ends whose sets are not found.
+# Statuses of a contact problem whose active sets were not found.
 _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
 
 
 class MovingFoundations(Foundations):
-    """Foundations whose shapes are seen from points at the displacement ``at``."""
+    """Foundations whose shapes and pairs are evaluated at points displaced by ``at``."""
 
-    sliding: Mapping[int, MovingPair]  # by their numbers
-    coordinates: Array  # of rigid bodies where they are, see ``MovingRigidBodies``
+    sliding: Mapping[int, MovingPair]  # sliding pairs, by contact number
+    coordinates: Array  # present coordinates of rigid bodies, see ``MovingRigidBodies``
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
         self.at = at
         self.sliding = {}
-        # Pairs that keep their partners, with what that depends on, by their numbers.
+        # Pairs that keep their partners, by contact number, with the bytes of the data that they
+        # depend on.
         self.undeformed = dict[int, tuple[list[bytes], PairedSides]]()
         super().__init__(*args)
         self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
@@ -122,7 +123,7 @@ class MovingFoundations(Foundations):
 
     @property
     def moving(self) -> dict[int, MovingShape]:
-        """The shapes by the numbers of their foundations."""
+        """The shapes, by contact number."""
         return self._distances  # type: ignore[return-value]
 
     def _put(self, number: int, distance: Distance) -> None:
@@ -136,8 +137,8 @@ class MovingFoundations(Foundations):
 
     @property
     def driven(self) -> list[Shape | None]:
-        """Return the shape of each contact that forces move, as the user has given it; None or
-        False: it is none.
+        """For each contact the shape, as the user has given it, that forces move; None or False:
+        there is no such shape.
         """
         return [
             shape and self.moving[number].as_given for number, shape in enumerate(super().driven)
@@ -151,8 +152,8 @@ class MovingFoundations(Foundations):
         )
 
     def check_driven(self) -> None:
-        """Refuse driven shapes, also those given turned about another axis than forces turn them
-        about.
+        """Refuse driven shapes that the base class refuses, and those whose given rotation has
+        another axis than the rotation by forces.
         """
         super().check_driven()
         for body in self.rigid_bodies.bodies:
@@ -163,14 +164,14 @@ class MovingFoundations(Foundations):
                     raise FormError.at(f"contact[{part}].shape.rotation", reason)
 
     def carry_to(self, coordinates: Array) -> None:
-        """Put rigid bodies where they are at coordinates of shape (k,)."""
+        """Move the shapes of rigid bodies to their coordinates, shape (k,)."""
         self.coordinates = coordinates
         for motion in self.rigid_bodies.motions:
             for part in motion.body.parts:
                 self.moving[part].carry_to(motion)
 
     def drive(self, bodies: Sequence[RigidBody]) -> None:
-        """Give rigid bodies other loads and springs."""
+        """Set force, moment and spring of the shapes of these rigid bodies."""
         for body in bodies:
             driving = {key: getattr(body.motion, key) for key in ("force", "moment", "spring")}
             for moving in (self.moving[part] for part in body.parts):
@@ -178,8 +179,8 @@ class MovingFoundations(Foundations):
                     moving.shape = moving.shape.model_copy(update=driving)
 
     def motion_at(self, boundary: ContactBoundary, begun: State) -> Array | None:
-        """Return how far shapes have moved with points since a state, length, shape (n, d); None:
-        not.
+        """Return the displacement of foundations at the contact points since a state, length, shape
+        (n, d); None: no foundation has moved.
         """
         moved = self.moved_shapes(begun.placed)
         places = begun.displacement.reshape(-1, self._dimension)
@@ -188,11 +189,11 @@ class MovingFoundations(Foundations):
         motion = np.zeros_like(boundary.x)
         for number, (shape, earlier) in moved.items():
             points = np.flatnonzero(boundary.part == number)
-            # Not its closest points: a node may be inside by the penalty, or away by a gap that is
-            # added.
+            # The material points of the shape at the nodes, not its closest points: a node may
+            # penetrate by the penalty, or keep an added gap.
             at = boundary.x[points] + places[boundary.nodes[points]]
             motion[points] = shape.moved_points(earlier.moved_back(at)) - at
-            if (corners := boundary.corners) is not None:  # these move with the shape
+            if (corners := boundary.corners) is not None:  # corner points move with the shape
                 points = points[~boundary.at_nodes[points]]
                 now = corners.place[points]
                 motion[points] = now - earlier.moved_points(shape.moved_back(now))
@@ -201,7 +202,10 @@ class MovingFoundations(Foundations):
     def spin_at(
         self, boundary: ContactBoundary, placed: Sequence[Placement | None]
     ) -> Array | None:
-        """Return the infinitesimal rotation at contact points, the mean of both sides of a pair."""
+        """Return the rotation matrix of the obstacle at each contact point since the shapes were
+        ``placed``, shape (n, d, d); for a pair, the rotation of both sides, see ``MovingPair``.
+        None if there are no shapes and no sliding pairs.
+        """
         moved = self.moved_shapes(placed)
         dim = self._dimension
         turned = dict.fromkeys(self.moving, np.eye(dim))
@@ -218,12 +222,14 @@ class MovingFoundations(Foundations):
         return rotation
 
     def measured(self, shape: Any) -> bool:
-        """Along the axis of a body of revolution alone, as forces around it cancel."""
+        """Return whether forces may move a shape where the contact has a measure: only along the
+        axis of a body of revolution, as forces around it cancel.
+        """
         return bool(shape.prescribes("x") == 0.0)
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
-        """Return the contact points of a pair, of sides at their present places if they slide;
-        otherwise with the partners of undeformed sides and present normals.
+        """Return the contact points of a pair: of sides at their displaced positions if they slide,
+        otherwise with the partners of the undeformed sides and present normals.
         """
         if number in self.sliding:
             return self.sliding[number].boundary()
@@ -248,13 +254,13 @@ class MovingFoundations(Foundations):
 
     @property
     def displacement(self) -> Array:
-        """Return the displacement of the nodes onto which corners are projected, length, shape
-        (nodes, d).
-        """
+        """Displacement of the nodes onto which corners are projected, length, shape (nodes, d)."""
         return self.at.x.array.reshape(-1, self._dimension)
 
     def stiffness_at_corners(self, state: ContactState) -> tuple[JointStiffness, ...]:
-        """Return what facets that turn under corners add to the tangent; collective."""
+        """Return the stiffness of contact at corners of shapes, where the facets under them turn;
+        collective.
+        """
         boundary = state.boundary
         if boundary.corners is None:
             return ()
@@ -273,8 +279,8 @@ class MovingFoundations(Foundations):
         return tuple(joint)
 
     def slips_at_corners(self, boundary: ContactBoundary, begun: State) -> Array:
-        """Return how far the points of the body that were under corners when a step began have
-        moved from there, length, shape (n, d), zero at nodes; collective.
+        """Return the slip of the material points that were under corners at the beginning of the
+        step, relative to the corners, length, shape (n, d), zero at nodes; collective.
         """
         slips = np.zeros_like(boundary.x)
         moved = self.moved_shapes(begun.placed)
@@ -310,7 +316,9 @@ class MovingFoundations(Foundations):
 
 
 def _moving(sides: FacingSides, reach: float | None) -> MovingPair:
-    """Return two sides that slide, or one that may touch itself, where nothing is displaced."""
+    """Return the map of two sliding sides, or of one side that may touch itself, at zero
+    displacement.
+    """
     if not sides.one:
         return MovingPair(sides, reach)
     from signorini_fx.mechanics.obstacles.folded_side import FoldedSide
@@ -320,14 +328,15 @@ def _moving(sides: FacingSides, reach: float | None) -> MovingPair:
 
 @dataclass(frozen=True)
 class Bent:
-    """What tractions that turn with the displacement add to a tangent.
+    """Geometric stiffness of contact: what tractions that turn with the displacement add to the
+    tangent.
 
     Attributes:
-        hessians: of distances at contact points, see ``hessians_at``.
-        curvature: what the shapes add.
+        hessians: second derivatives of distances at contact points, see ``hessians_at``.
+        curvature: the added stiffness at nodes.
         relative: see ``MovingRigidBodies.relative_stiffness``.
-        askew: whether what is added is not symmetric.
-        tractions: these; None: there are none.
+        askew: whether the added stiffness is not symmetric.
+        tractions: the tractions; None: there are none.
     """
 
     hessians: Array
@@ -339,17 +348,16 @@ class Bent:
 
 @dataclass(frozen=True)
 class Iterate:
-    """What a contact problem of Newton's method is made of beside where the body is.
+    """The input of a contact problem of Newton's method beside the present displacement.
 
     Attributes:
-        bent: what tractions that turn add to the tangent.
-        residual: F less the loads, forces of shape (owned dofs,); None: it is not assembled yet.
-        definite: whether the tangent is positive definite, as far as is known of this load.
-        symmetric: whether it is symmetric, likewise.
-        near: contact points that an increment may close, shape (n,); None: it is not known.
-        values: of the displacement in the last iteration; None: there was none.
-        lost: what round-off may make of the resultant of the residual, force; None: it is not
-            known.
+        bent: the geometric stiffness of contact.
+        residual: F minus the loads, forces of shape (owned dofs,); None: it is not assembled yet.
+        definite: whether the tangent is positive definite, as far as is known for this load.
+        symmetric: whether it is symmetric, as far as is known.
+        near: contact points that an increment may close, shape (n,); None: unknown.
+        values: the displacement of the last iteration; None: there was none.
+        lost: bound of the round-off in the resultant of the residual, force; None: unknown.
     """
 
     bent: Bent
@@ -367,15 +375,17 @@ class Linearised:
 
     Attributes:
         begin: the state from which its step begins.
-        iterate: what it was made of.
+        iterate: the input that it was made of.
         posed: the tangent with its contact points.
-        boundary: these, which may be none.
-        start: where its solution begins.
-        before: the end of the last step, as foundations of now see it; None: it counts for nothing.
-        prescribed: dofs of this rank, ghosts included, and to what, shapes (dofs,).
-        data: of the foundations at the nodes.
-        given_gap: without what effects add, length, shape (n,).
-        matrix: all values that the matrix is assembled from.
+        boundary: the contact points, which may be none.
+        start: the initial state of its solution.
+        before: the end of the last step, relative to the present foundations; None: it has no
+            influence.
+        prescribed: flags of prescribed dofs of this rank, ghosts included, and their values, shapes
+            (dofs,).
+        data: data of each foundation at the nodes.
+        given_gap: gap without the additions of effects, length, shape (n,).
+        matrix: bytes of all values that the matrix is assembled from.
     """
 
     begin: State
@@ -396,20 +406,20 @@ class Linearised:
 
     @property
     def task(self) -> Task:
-        """The contact problem in matrices."""
+        """The contact problem in terms of matrices."""
         return self.posed.task
 
 
 @dataclass(frozen=True)
 class Solved:
-    """How the contact problem of an iteration has ended.
+    """The end of the contact problem of an iteration.
 
     Attributes:
-        body: of which it is.
-        linear: the problem.
+        body: the nonlinear body.
+        linear: the contact problem.
         outcome: how the method has ended.
         state: the contact points of this rank.
-        values: the displacement, ghosts included, shape (dofs,).
+        values: the displacement, ghosts included, length, shape (dofs,).
         rigid: coordinates of rigid bodies, see ``MovingRigidBodies``.
         new: the last solution in the step; None: there is none.
     """
@@ -424,20 +434,29 @@ class Solved:
 
     @property
     def status(self) -> Status:
-        """How it has ended."""
+        """The status of the outcome."""
         return self.outcome.status
 
     @property
     def loose(self) -> list[int]:
-        """The numbers of the assemblies that nothing presses on; collective."""
+        """The numbers of the assemblies without contact tractions; collective."""
         task = self.linear.task
         tractions = np.column_stack((self.state.pressure, self.state.shear))
         return task.motions.untouched(task.idle, np.asarray(tractions.any(axis=1)))
 
     def internal(self, increment: Array) -> tuple[Array, Array, float]:
-        """Return what a(d, .), where no support prescribes d, and the curvature alone are, shapes
-        (owned dofs,), and the work of the forces that normals which turn relative to rigid bodies,
-        and their springs, exert on increments from where the body is; collective.
+        """Return the forces of an increment d in the linearised problem, and their work on rigid
+        bodies.
+
+        Args:
+            increment: d, ghosts included, shape (dofs,).
+
+        Returns:
+            The forces a(d, .), correct at dofs without supports, shape (owned dofs,); the part of
+                them that comes from the geometric
+            stiffness; and the work on the increments of rigid bodies, by their springs and by
+                normals
+            that turn relative to them.
         """
         linear = self.linear
         elastic = linear.elastic
@@ -456,7 +475,7 @@ class Solved:
 
 
 class NonlinearBody(BodyOfForms):
-    """A nonlinear body at the displacement ``at``, with its contact and all that is fixed of it."""
+    """A nonlinear body at the displacement ``at``, with its contact and all unchanging data."""
 
     stated_by = ("F",)
     refused_features = (("nonlinear material", "F"),)
@@ -483,24 +502,26 @@ class NonlinearBody(BodyOfForms):
         forms = replace(forms, original=(bilinear, evaluated.form))
         moving = partial(MovingFoundations, at=at)
         super().__init__(forms, bcs, settings, options, effects, moving, density)
-        # Facets of parts of the boundary by their names, for messages.
+        # Facets of named parts of the boundary, for messages.
         self.names: Mapping[str, Indices] = forms.boundaries
         self.bodies: tuple[str, ...] = ()  # see ``BodyPieces``
         self.evaluated = evaluated
         self.tangents = tangents
-        # Whether a given tangent is known to be the derivative, and is not tried: near a yield
-        # stress no difference tells.
+        # Whether a given tangent is known to be the derivative and is not tested: near a yield
+        # stress no difference quotient can tell.
         self.trusted = False
         self.several = False  # see ``Start``
-        self.drives: Sequence[Drive] = ()  # of rigid bodies in this step, without effects
+        self.drives: Sequence[Drive] = ()  # forces on rigid bodies in this step, without effects
         self.now: Linearised | None = None  # the last problem that was assembled
         self.solved: Solved | None = None  # the last one that was solved in this step
         self.begin = self.initial()
 
     def take_scene(self, model: Model, history: History) -> None:
-        """Take names, parts and the history of a scene.
+        """Take the names, material parts and the history from a scene.
 
-        ``model``: the linear body that it is at small strains.
+        Args:
+            model: the linear body of the scene, at small strains.
+            history: the history of solves, which is continued.
         """
         tagged = model.tagged
         rigid = replace(model.rigid, length=self.foundations.rigid_bodies.length)
@@ -513,11 +534,11 @@ class NonlinearBody(BodyOfForms):
 
     @property
     def places(self) -> Array:
-        """Displacements of the nodes, shape (nodes, d)."""
+        """The displacements of the nodes, length, shape (nodes, d)."""
         return self.at.x.array.reshape(-1, self.at.function_space.mesh.geometry.dim)
 
     def slide(self) -> None:
-        """Renew the maps of pairs at the displacement of now; collective."""
+        """Update the maps of sliding pairs to the present displacement; collective."""
         numbers = [k for k, entry in enumerate(self.contact) if entry.slides]
         if numbers and not self.foundations.sliding:
             foundations = self.foundations
@@ -544,17 +565,19 @@ class NonlinearBody(BodyOfForms):
             pair.move(self.places[: self.space.dofmap.index_map.size_local])
 
     def settle(self) -> None:
-        """Slips of pairs count from where the step begins; collective."""
+        """Count the slips of pairs from the beginning of the step; collective."""
         for pair in self.foundations.sliding.values():
             pair.settle(self.begin)
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        """See ``State.save``."""
+        """Return the contact points and the space of the displacement, see ``State.save``."""
         return (self.now or self.as_it_is()).boundary, self.space
 
     def start(self, state: State) -> None:
-        """Put the body where a step begins, with nothing of other steps; collective."""
-        if state is not self.begin:  # else u is the first iterate that a user has given
+        """Put the body into the state in which a step begins, and discard all data of other steps;
+        collective.
+        """
+        if state is not self.begin:  # otherwise u keeps the first iterate that the user has given
             self.at.x.array[:] = state.displacement
         self.begin = state
         self.solved = None
@@ -564,8 +587,8 @@ class NonlinearBody(BodyOfForms):
     # --- the contact problem of an iteration ---
 
     def _tractions(self) -> ContactState | None:
-        """Return tractions of the last linear problem, else of the start of the step, in present
-        frames; None if there are none; collective.
+        """Return the tractions of the last linear problem, or of the state at which the step
+        begins, in the present tangent frames; None if there are none; collective.
         """
         if self.solved is not None:
             return self.solved.state
@@ -606,15 +629,18 @@ class NonlinearBody(BodyOfForms):
         return None if self.solved is None else self.solved.new
 
     def bend(self, *, symmetric: bool = True) -> Bent:
-        """Return what tractions of the last solution add to the tangent, all of it unless
-        ``symmetric``: then what is not is left out, which only pairs with Coulomb friction have;
-        collective.
+        """Return the geometric stiffness of contact at the last tractions; collective.
+
+        Args:
+            symmetric: whether to leave out its unsymmetric part, which only pairs with Coulomb
+                friction have.
         """
         foundations = self.foundations
         dim = self.places.shape[1]
         if (state := self._tractions()) is None:
             return Bent(np.zeros((0, dim, dim)), NodalStiffness.none(dim))
-        # The matrices of Coulomb friction are not symmetric, so that a whole one costs the same.
+        # The matrices of Coulomb friction are not symmetric anyway, so the unsymmetric part costs
+        # nothing.
         whole = (
             not symmetric and self.now is not None and type(self.now.task.system) is ElasticSystem
         )
@@ -639,9 +665,11 @@ class NonlinearBody(BodyOfForms):
         return Bent(hessians, curvature, relative, askew, state)
 
     def at_iterate(self, iterate: Iterate, *, keeps: bool = False) -> Linearised:
-        """Return the contact problem of an iteration where the body is; collective.
+        """Return the contact problem of an iteration at the present displacement; collective.
 
-        ``keeps``: with the stiffness of the last one.
+        Args:
+            iterate: its input.
+            keeps: whether to reuse the stiffness of the last iteration.
         """
         last = self.now
         self.now = None
@@ -702,9 +730,7 @@ class NonlinearBody(BodyOfForms):
         return self.now
 
     def _follows(self, rigid: RigidBodies) -> bool:
-        """Return whether the matrix depends on where the body is, beside the tangent of its
-        forms.
-        """
+        """Return whether the matrix depends on the displacement beyond the tangent of the forms."""
         foundations = self.foundations
         return bool(
             any(entry.against is not None and not entry.bonded for entry in self.contact)
@@ -715,12 +741,13 @@ class NonlinearBody(BodyOfForms):
     def _start(
         self, posed: Posed, boundary: ContactBoundary, bent: Bent
     ) -> tuple[Start, PreviousStep | None]:
-        """Return the start of a contact problem, and the end of the last step; slips of points that
-        stick are linearised as their tangent planes turn; collective.
+        """Return the start of a contact problem, and the end of the last step or None; collective.
+
+        The slips of sticking points are linearised with the rotation of their tangent planes.
         """
         foundations = self.foundations
         state = bent.tractions if self.solved is None else self.solved.state
-        # With effects its gammas are there already.
+        # With effects the gammas are already in the posed step.
         begin = replace(self.begin, gammas=None) if self.effects else self.begin
         begun, before = start_of(posed, begin, self.last)
         rigid = foundations.rigid_bodies
@@ -737,7 +764,9 @@ class NonlinearBody(BodyOfForms):
             origin = np.where(boundary.at_nodes[:, None], origin, count)
         places = self.places[boundary.nodes]
         way = self.way(boundary, before)
-        if boundary.moving is not None:  # slips on rigid bodies count from there
+        if (
+            boundary.moving is not None
+        ):  # slips on rigid bodies count from their present coordinates
             places = places - boundary.moving.modes @ rigid.coordinates
             on_rigid = np.isin(boundary.part, rigid.parts)
             origin = np.where(on_rigid[:, None], components(places - way, tangents), origin)
@@ -749,8 +778,8 @@ class NonlinearBody(BodyOfForms):
         return replace(begun, data=replace(begun.data, slip_origin=origin)), before
 
     def way(self, boundary: ContactBoundary, before: PreviousStep | None) -> Array:
-        """Return the displacement of contact points relative to shapes since the step began,
-        without what forces move, shape (n, d).
+        """Return the displacement of contact points relative to the prescribed motion of shapes
+        since the step began, length, shape (n, d); motions by forces are not subtracted.
         """
         places = self.places
         way = (places - self.begin.displacement.reshape(places.shape))[boundary.nodes]
@@ -765,13 +794,18 @@ class NonlinearBody(BodyOfForms):
         *,
         keeps: bool,
     ) -> tuple[Model, Iterate]:
-        """Return the body with its tangent.  One that is not definite is factorised whole, without
-        fall-backs: a smaller increment is what helps.
+        """Return the body with its tangent, and the iterate with what was found out about it;
+        collective.
+
+        A tangent that is not definite is factorised as a whole and without fall-backs, since a
+        smaller increment helps more.
         """
         definite = iterate.definite and iterate.symmetric
         symmetric = iterate.symmetric and not iterate.bent.askew
         settings = self.settings
-        if self._curved(iterate.bent):  # without curvature it is convex: the first fall-back
+        if self._curved(
+            iterate.bent
+        ):  # without geometric stiffness it is convex; this is the first fall-back
             settings = settings.model_copy(update={"fallbacks": False})
         if not (definite and symmetric):
             whole = {"linear_algebra": "full", "fallbacks": definite and settings.fallbacks}
@@ -802,8 +836,13 @@ class NonlinearBody(BodyOfForms):
     def body_of(
         self, tangent: fem.Form, boundary: ContactBoundary, bent: Bent, **more: Any
     ) -> Model:
-        """Return the body of a tangent, with what turns; for the further arguments see
-        ``elastic_body``; collective.
+        """Return the body of a tangent with the geometric stiffness of contact; collective.
+
+        Args:
+            tangent: the compiled tangent.
+            boundary: the contact points.
+            bent: the geometric stiffness.
+            more: further arguments of ``elastic_body``.
         """
         fits = bent.relative is not None and len(bent.relative[0]) == boundary.size
         more |= {"beside": bent.curvature, "relative": bent.relative if fits else None}
@@ -814,7 +853,9 @@ class NonlinearBody(BodyOfForms):
         )
 
     def _curved(self, bent: Bent) -> bool:
-        """Return whether tractions that turn are in the tangent; collective."""
+        """Return whether the tangent contains geometric stiffness of contact on any rank;
+        collective.
+        """
         curved = bool(bent.curvature.nodes.size or bent.curvature.joint)
         return parallel.any_rank(self.space.mesh.comm, curved)
 
@@ -825,9 +866,11 @@ class NonlinearBody(BodyOfForms):
         driven: Driven,
         prescribed: tuple[Flags, Array],
     ) -> tuple[LoadCase, Iterate]:
-        """Return the right-hand side, with the work of the residual on free motions, and of the
-        forces on relative displacements; supports that have not moved since F was evaluated add
-        nothing to it; collective.
+        """Return the right-hand side, with the work of the residual on free rigid motions, and the
+        iterate with its round-off; collective.
+
+        Displacements relative to rigid bodies add their forces.  Supports add nothing unless they
+        have moved since F was evaluated.
         """
         fixed, values = prescribed
         at = self.at.x.array
@@ -857,9 +900,12 @@ class NonlinearBody(BodyOfForms):
     def _far_points(
         self, iterate: Iterate, boundary: ContactBoundary, prescribed: tuple[Flags, Array]
     ) -> tuple[tuple[Flags, fem.Function] | None, Iterate]:
-        """Return which points are farther from their shapes than an increment may bring them, shape
-        (n,), and the displacement of now; None if none is.  The dense matrix of a body in 3D on one
-        rank does without them; the next iteration has those that are inside of their shapes.
+        """Return the flags of points that are too far from their shapes to close in this increment,
+        shape (n,), with the present displacement; or None if there are none; and the updated
+        iterate.
+
+        The condensed matrix of a 3D body on one rank leaves them out.  If one penetrates after all,
+        the next iteration includes it.
         """
         state = iterate.bent.tractions if self.solved is None else self.solved.state
         values = self.at.x.array
@@ -881,7 +927,7 @@ class NonlinearBody(BodyOfForms):
             distance[points] = (
                 moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
             )
-        # As far as shapes are inside, supports move now, or the last increment has moved anything.
+        # The reach: the largest penetration, motion of supports, or change in the last iteration.
         fixed, to = prescribed
         increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
         if iterate.values is not None:
@@ -890,23 +936,23 @@ class NonlinearBody(BodyOfForms):
         near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
         if iterate.near is not None and iterate.near.size == near.size:
             near |= iterate.near
-        near[distance.argmin()] = True  # a dense matrix of nothing is none
+        near[distance.argmin()] = True  # keep at least one point, so that the matrix is not empty
         iterate = replace(iterate, near=near, values=values.copy())
         return None if near.all() else (~near, self.at), iterate
 
     # --- its solution ---
 
     def solve_at(self, iterate: Iterate, *, keeps: bool = False) -> Solved:
-        """Solve the contact problem of an iteration; a tangent that Cholesky's factorisation
-        refuses is factorised as LDL^T; collective.
+        """Solve the contact problem of an iteration; a tangent that is not positive definite for
+        Cholesky's factorisation is factorised as LDL^T; collective.
 
         Args:
-            iterate: what it is made of.
-            keeps: whether with the stiffness of the last one, if that has a solution.
+            iterate: its input.
+            keeps: whether to try the stiffness of the last iteration first.
 
         Raises:
-            ConvergenceError: it has no solution.
-            MatrixError: it cannot be assembled.
+            ConvergenceError: the contact problem has no solution.
+            MatrixError: the stiffness cannot be assembled.
         """
         if keeps:
             with suppress(MatrixError):
@@ -920,7 +966,8 @@ class NonlinearBody(BodyOfForms):
             status = solved.status
             opens = status in (Status.OPEN, Status.NOT_HELD) and bool(solved.linear.task.idle)
             if (opens or status in _WITHOUT_SETS) and self._curved(iterate.bent):
-                # What nothing presses on any more has no tractions that turn.
+                # Bodies without contact have no tractions that turn: retry without geometric
+                # stiffness.
                 curvature = NodalStiffness.none(self.places.shape[1])
                 bent = replace(iterate.bent, curvature=curvature, relative=None)
                 iterate = replace(solved.linear.iterate, bent=bent)
@@ -944,13 +991,14 @@ class NonlinearBody(BodyOfForms):
             outcome = solve_task(linear.task, linear.start)
             solved = self.take(linear, outcome)
             if isinstance(system := outcome.problem.system, CondensedSystem):
-                # Those that were taken to be far are where it is.
+                # Evaluate the points that were left out as far at the solution.
                 system.find_far_points(outcome.newton.x)
         return solved
 
     def take(self, linear: Linearised, outcome: Outcome) -> Solved:
-        """Return the end of a contact problem, which the next iteration begins from: the solution
-        of the nonlinear problem alone gets a certificate.
+        """Return the end of a contact problem and store it as the start of the next iteration.
+
+        It gets no certificate: only the solution of the nonlinear problem is checked.
         """
         elastic = linear.elastic
         unknowns = outcome.displacement()
@@ -965,8 +1013,8 @@ class NonlinearBody(BodyOfForms):
         return self.solved
 
     def settled(self) -> Solved:
-        """Return the end of the last linear problem at the displacement of the nonlinear one, whose
-        residual has been judged.
+        """Return the end of the last linear problem with the displacement of the nonlinear
+        solution, whose residual has been judged, as the new state.
         """
         last = self.last
         assert last is not None
@@ -983,8 +1031,10 @@ class NonlinearBody(BodyOfForms):
         return self.solved
 
     def as_it_is(self) -> Linearised:
-        """Return the contact problem where the body is, without what tractions add to the tangent,
-        which may not be definite; collective.
+        """Return the contact problem at the present displacement, without the geometric stiffness
+        of contact; collective.
+
+        The tangent may be indefinite.
         """
         dim = self.places.shape[1]
         iterate = Iterate(Bent(np.zeros((0, dim, dim)), NodalStiffness.none(dim)))
@@ -998,8 +1048,8 @@ class NonlinearBody(BodyOfForms):
             return self.at_iterate(replace(iterate, definite=False))
 
     def leave_open(self, status: Status) -> Solved:
-        """Return the displacement of now, without any contact, as that of a solve with this end;
-        collective.
+        """Return the present displacement without any contact, as the end of a solve with this
+        status; collective.
         """
         linear = self.as_it_is()
         data = linear.start.data
@@ -1015,8 +1065,9 @@ class NonlinearBody(BodyOfForms):
         return self.take(linear, Outcome(status, newton, data, augmented=augmented))
 
     def take_tractions(self, values: ContactValues) -> None:
-        """Give the last result the tractions of the end of a step, in the frames of now, as the
-        last linear problem of the step had another displacement than its end.
+        """Give the last result the tractions of the end of a step, in the present frames.
+
+        The last linear problem of the step had another displacement than the end of the step.
         """
         assert self.solved is not None
         boundary = self.solved.linear.boundary
@@ -1027,8 +1078,8 @@ class NonlinearBody(BodyOfForms):
         self.solved = replace(self.solved, state=state)
 
     def derivative_at(self, solved: Solved) -> tuple[Any, ...]:
-        """Return a solution with the derivative of its contact problem there, see
-        ``SolvedStep.of``; collective.
+        """Return a solution with the derivative of its contact problem, see ``SolvedStep.of``;
+        collective.
         """
         self.begin = solved.linear.begin
         self.solved = solved
@@ -1048,7 +1099,7 @@ class NonlinearBody(BodyOfForms):
             linear = self.at_iterate(iterate)
         boundary = linear.boundary
         state = replace(solved.state, boundary=boundary)
-        # Of displacements along the normal there are none.
+        # Displacements along the normal do not change the slip.
         slips = turned_slips(boundary, bent.hessians, self.way(boundary, linear.before))
         slips = np.pad(slips, ((0, 0), (0, 0), (1, 0)))
         turning = curvature, slips, self.foundations.spin_at(boundary, self.begin.placed)
@@ -1059,12 +1110,13 @@ class NonlinearBody(BodyOfForms):
     def data_now(
         self, solved: NonlinearBody | None = None, begun: State | None = None
     ) -> tuple[Any, ...]:
-        """Minus the residual in place of the forms, with what supports prescribe, and the motion of
-        shapes at contact points in the step; None: that here.
+        """Return the data of the present problem for derivatives: minus the residual, prescribed
+        values, contact points, gap, friction law, and the motion of shapes at the points in the
+        step; collective.
 
         Args:
-            solved: a body where the problem of a solution has been assembled, None: this one.
-            begun: the end of the last step.
+            solved: a body with the assembled problem of a solution; None: this one.
+            begun: the end of the last step; None: that of this body.
         """
         kept = self.at.x.array.copy()
         at = self.at.x.array
@@ -1082,11 +1134,11 @@ class NonlinearBody(BodyOfForms):
             at[:] = kept
             self.evaluated.go_to(kept)
 
-    # --- what the verdict on stability asks for ---
+    # --- used by the verdict on stability ---
 
     def sticks(self, state: ContactState) -> Flags:
-        """Return which points friction has held, in contact or by a bound without it, shape
-        (n,).
+        """Return the flags of points that stick by friction, in contact or by a bound that acts
+        without contact, or that are bonded, shape (n,).
         """
         part = state.boundary.part
         rough = np.array(

@@ -1,16 +1,15 @@
-"""Rigid shapes as nodes at finite displacements see them: distance, direction, curvature and motion
-of the shape.
+"""Rigid shapes at finite displacements of the body: gap, direction, curvature and motion.
 
-The formulas of the gap at X + u are in docs/theory.md.  Functions of all shapes take the contact
-points ``boundary``, the ``shapes`` by the numbers of their foundations, ``places``, displacements
-of the nodes, shape (nodes, d), and the ``size`` of the body, lengths; H are the ``hessians``,
-second derivatives of distances, and w is the ``way`` of the points relative to their shapes since
-the last step, length, shape (n, d).
+The formulas of the gap at X + u are in docs/theory.md.  Functions share these arguments: the
+contact points ``boundary``; the ``shapes`` by contact number; ``places``, the displacements of the
+nodes, shape (nodes, d); the ``size`` of the body, length; ``hessians``, H, the second derivatives
+of distances; and the ``way``, w, the displacement of the points relative to their shapes since the
+last step, length, shape (n, d).
 
-Rigid bodies are shapes that forces and moments move by v and turn about their pivot c by a rotation
-vector psi, which are unknown and need not be small.  With the arm a = X + u - c - v of a point,
-contact sees y - R q with R q = v + psi x a, to first order: psi is along one axis, so that in 3D no
-more than one of its components may be free.
+Rigid bodies are shapes that forces and moments move by v and rotate about their pivot c by a
+rotation vector psi.  Both are unknown and need not be small.  With the arm a = X + u - c - v of a
+point, contact depends on y - R q with R q = v + psi x a, to first order.  The axis of psi is fixed:
+in 3D at most one of its components may be free.
 """
 
 from __future__ import annotations
@@ -39,31 +38,33 @@ if TYPE_CHECKING:
 
 @dataclass
 class MovingShape:
-    """The shape of one foundation where it is."""
+    """The shape of one foundation at its present place."""
 
-    shape: Shape  # where it is now
-    nodes: Ints  # of the foundation, local numbers, ghosts included, shape (n,)
+    shape: Shape  # the shape at its present place
+    nodes: Ints  # nodes of the foundation, local, ghosts included, shape (n,)
     x: Array  # their initial positions, length, shape (n, d)
     u: fem.Function  # the displacement of the body
     turns: bool  # whether forces may turn it, see ``fitting``
-    added: Array = field(init=False)  # to its distance at the nodes, length, shape (n,)
-    motion: FiniteRigidMotion | None = None  # by which forces have moved it; None: by none
-    _home: Shape = field(init=False)  # where it is without what forces have moved it by
+    added: Array = field(init=False)  # gap added to the distance at the nodes, length, shape (n,)
+    motion: FiniteRigidMotion | None = None  # the motion by forces; None: there is none
+    _home: Shape = field(init=False)  # the shape without the motion by forces
 
     def __post_init__(self) -> None:
         self._home, self.added = self.shape, np.zeros(len(self.x))
 
     def __call__(self, x: Array) -> Array:
-        """Return the linearised gap at the nodes, which are at x, shape (n,)."""
+        """Return the linearised gap at the displaced nodes, length, shape (n,); ``x`` is unused."""
         return self.projected()[0]
 
     def direction(self, x: Array) -> Array:
-        """Return the direction there, shape (d, n)."""
+        """Return the directions to the shape at the displaced nodes, unit vectors, shape (d, n);
+        ``x`` is unused.
+        """
         return self.projected()[1].T
 
     @property
     def as_given(self) -> Shape:
-        """The shape without what forces have moved it by."""
+        """The shape without the motion by forces."""
         if not self.shape.driven:
             return self.shape
         return self.shape.model_copy(
@@ -71,7 +72,7 @@ class MovingShape:
         )
 
     def carry_to(self, motion: FiniteRigidMotion) -> None:
-        """Put a shape that forces move where its rigid body is."""
+        """Move the shape to the present motion of its rigid body."""
         self.motion, home, turn, dim = motion, self._home, motion.rotation, motion.reference.size
         about = home.reference(dim) - motion.reference
         shift = np.zeros(dim) if home.shift is None else np.array(home.shift, dtype=np.float64)
@@ -85,8 +86,9 @@ class MovingShape:
         self.shape = self.shape.model_copy(update=update)
 
     def turned_otherwise(self, turn: Array) -> str:
-        """Why forces cannot turn it by a rotation vector, as it is given turned about another axis;
-        "": they can.
+        """Return why forces cannot rotate the shape by a rotation vector, or "" if they can.
+
+        They cannot if the shape itself is given with a rotation about another axis.
         """
         given = np.zeros(turn.size) + np.asarray(self._home.angles())
         if turn.size == 1 or not np.cross(given, turn).any():
@@ -100,9 +102,11 @@ class MovingShape:
         )
 
     def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
-        """Return the linearised gap without what is added to it, length, shape (n,), and the
-        direction to the shape, unit vectors, shape (n, d), at the displaced nodes; of a shape that
-        forces move linear in all unknowns, if ``linear``.
+        """Return the linearised gap, without the added gap, length, shape (n,), and the directions
+        to the shape, unit vectors, shape (n, d), at the displaced nodes.
+
+        Args:
+            linear: whether the motion by forces is linearised, too.
         """
         u = self.u.x.array.reshape(-1, self.x.shape[1])[self.nodes]
         places = self.x + u
@@ -116,8 +120,8 @@ class MovingShape:
 def hessians_at(
     boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float
 ) -> Array:
-    """H at contact points, 1 / length, shape (n, d, d), zero without a shape: by central
-    differences of normals.
+    """Return the second derivatives H of the distances at contact points by central differences of
+    normals, 1 / length, shape (n, d, d), zero without a shape.
     """
     dimension = boundary.x.shape[1]
     step = DIFFERENCE_STEP * size
@@ -132,14 +136,18 @@ def hessians_at(
 
 
 def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True) -> Array:
-    """Return what the shapes add to the tangent as their normals turn with the displacement, at
-    contact tractions: forces of displacements of the points relative to shapes, force per length,
-    shape (n, d, d).
+    """Return the geometric stiffness of shapes, whose normals turn with the displacement, force per
+    length, shape (n, d, d).
 
-    The force of a pressure lambda along the normal n turns by -lambda H d, with H the second
-    derivatives of the distance; a shear m in the tangent plane turns by n (m . H d).  Where
-    ``symmetric`` the transpose of what turns the shear is added: it acts on displacements along the
-    normal alone, and where there is contact these are of second order in d.
+    It acts on the displacements of the points relative to the shapes.  The force of a pressure
+    lambda along the normal n turns by -lambda H d, with H the second derivatives of the distance; a
+    shear m in the tangent plane turns by n (m . H d).
+
+    Args:
+        hessians: H at the points.
+        state: the contact tractions.
+        symmetric: whether to add the transpose of the shear term.  It acts only on displacements
+            along the normal, which are of second order in d where there is contact.
     """
     boundary = state.boundary
     shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
@@ -151,13 +159,13 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
 
 
 def turning_of(state: ContactState, size: float) -> Array:
-    """Return what friction of sliding points in 3D does against displacements that turn their slip,
-    in the frames of the points, force per length, shape (n, d, d).
+    """Return the stiffness of friction at sliding points in 3D against displacements that turn the
+    slip, in the frames of the points, force per length, shape (n, d, d).
 
-    The shear m turns with the slip s: a displacement d along the tangent plane and across s meets
-    |m| / |s| d.  As a dead load it would twist rubber that is squeezed between rough plates.  A
-    shear that does not follow its slip, as that of an ellipse, is left out.  Slips that are
-    round-off turn as easily as the smallest other ones.
+    The shear m turns with the slip s: a tangential displacement d across s meets |m| / |s| d.  As a
+    dead load the shear would twist rubber that is squeezed between rough plates.  A shear that is
+    not parallel to its slip, as with an ellipse of friction, is left out.  Slips below round-off
+    count as the smallest length that is resolved.
     """
     boundary = state.boundary
     slip = state.slip_length
@@ -179,9 +187,10 @@ def turning_of(state: ContactState, size: float) -> Array:
 
 
 def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Array:
-    """M - 1 on the tangent planes, shape (n, d - 1, d - 1), symmetric: the slip, the part of the
-    way w along the plane, which turns with a displacement d, changes by M d with M = 1 - (n_f . w)
-    H on the plane, not by d.
+    """Return M - 1 on the tangent planes, symmetric, shape (n, d - 1, d - 1).
+
+    The slip is the part of the way w in the tangent plane.  As the plane turns with a displacement
+    d, the slip changes by M d instead of d, with M = 1 - (n_f . w) H on the plane.
     """
     along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
     bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
@@ -189,11 +198,11 @@ def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Arra
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
-    """Return what part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s,
-    length, shape (n, d - 1).
+    """Return the part s - M^-1 s of a slip s that results from turning tangent planes, length,
+    shape (n, d - 1).
 
-    With M of ``turned_slips`` what is left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it
-    is not taken below 1 + ``MOST_TURNED``.
+    With M of ``turned_slips`` a remaining slip s needs the displacement d = -M^-1 s.  In a bowl M
+    may become singular: its eigenvalues are at least 1 + ``MOST_TURNED``.
     """
     sizes, axes = np.linalg.eigh(turned_slips(boundary, hessians, way))
     sizes = np.maximum(sizes, MOST_TURNED)
@@ -201,13 +210,17 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
 
 
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
-    """Return the shape of a foundation, if it can meet a nonlinear body.
+    """Return the shape of a foundation if it can be in contact with a nonlinear body.
 
-    ``turns``: whether forces may turn it: not where the contact has a measure, or points that
-        average.  In 3D components of rotation vectors add up about one axis alone.
+    Args:
+        number: number of the contact.
+        shape: the shape.
+        dimension: the dimension of space.
+        turns: whether forces may rotate it: not if the contact has a measure, or averaging points.
 
     Raises:
-        FormError: it cannot.
+        FormError: it cannot, for example because forces would rotate it about more than one axis:
+            components of rotation vectors only add up about a single axis.
     """
     path = f"contact[{number}].shape"
     if not isinstance(shape, Shape):
@@ -236,8 +249,8 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
 
 
 class FiniteRigidMotion(RigidBodyMotion):
-    """How a rigid body has moved: by a translation of its pivot and a rotation vector that need
-    not be small.
+    """The motion of a rigid body: a translation of its pivot and a rotation vector, which need not
+    be small.
     """
 
     def at(self, x: Array) -> Array:
@@ -245,7 +258,7 @@ class FiniteRigidMotion(RigidBodyMotion):
         return turned + self.translation
 
     def linear_at(self, places: Array) -> Array:
-        """R q at displaced points, shape (n, d)."""
+        """Return the linear motion R q at displaced points, length, shape (n, d)."""
         return super().at(places - self.translation)
 
     def as_dict(
@@ -255,8 +268,8 @@ class FiniteRigidMotion(RigidBodyMotion):
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: Flags) -> Array:
-        """Return arms of the displaced points, from their displacement relative to the rigid body,
-        r = X + a - c - psi x a.
+        """Return the arms r of the displaced points, from their displacement a relative to the
+        rigid body: r = X + a - c - psi x a.
         """
         boundary = contact.boundary
         axes = np.eye(self.reference.size)
@@ -267,29 +280,30 @@ class FiniteRigidMotion(RigidBodyMotion):
         return np.asarray(np.linalg.solve(axes - across.T, away.T).T)
 
     def lever(self, x: Array, displacements: Array) -> Array:
-        """Return the arms of displaced points from the displaced pivot, length, shape (n, d)."""
+        """Return the arms of displaced points about the displaced pivot, length, shape (n, d)."""
         return x + displacements - self.reference - self.translation
 
 
 @dataclass(frozen=True)
 class MovingRigidBodies(RigidBodies):
-    """The rigid bodies of a problem, given where they have not moved yet, at points that have
-    been displaced.
+    """The rigid bodies of a problem, at displaced contact points.
+
+    ``bodies`` holds them in their initial positions.
     """
 
-    displacement: fem.Function  # of the body
-    coordinates: Array  # (v, L psi) of each where it is, lengths, shape (k,)
+    displacement: fem.Function  # the displacement of the body
+    coordinates: Array  # present (v, L psi) of each, lengths, shape (k,)
 
     @property
     def motions(self) -> tuple[FiniteRigidMotion, ...]:
-        """How they have moved."""
+        """The present motions of the rigid bodies."""
         return self.moved(self.coordinates)
 
     def moved(self, unknowns: Array) -> tuple[FiniteRigidMotion, ...]:
         return tuple(FiniteRigidMotion(**vars(one)) for one in super().moved(unknowns))
 
     def places(self, boundary: ContactBoundary) -> Array:
-        """Return the displaced points less the translation of their pivot, shape (n, d)."""
+        """Return the displaced points minus their pivot's translation, length, shape (n, d)."""
         places = (
             boundary.centre
             + self.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
@@ -299,12 +313,12 @@ class MovingRigidBodies(RigidBodies):
         return places
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
-        """Return what tractions t of contact points and ``curvature``, C, shape (n, d, d), are
-        between points and rigid bodies, see ``Model.relative``; collective.
+        """Return the stiffness between contact points and rigid bodies that comes from tractions t
+        and from ``curvature``, C, shape (n, d, d), see ``Model.relative``; collective.
 
-        They are forces of (r, L w), the displacement relative to the rigid body and its turn:
-        normals meet r by C, tractions turn by w, and arms change by r + w x a.  The symmetric part
-        of that is, with [t] b = t x b,
+        It acts on (r, L w), the displacement relative to the rigid body and its rotation: normals
+        turn with r by C, tractions turn with w, and arms change by r + w x a.  With [t] b = t x b
+        the symmetric part of the terms of t is
 
             [0, -[t]; [t], a . t - (a t^T + t a^T) / 2].
         """
@@ -318,7 +332,7 @@ class MovingRigidBodies(RigidBodies):
         arms[:, :dim] = self.places(boundary)
         seen = np.zeros(
             (boundary.size, each, dim + each * len(self.bodies))
-        )  # (r, L w) of the unknowns
+        )  # maps the unknowns to (r, L w)
         seen[:, :dim, :dim], seen[:, :dim, dim:] = np.eye(dim), -boundary.moving.modes
         for number, body in enumerate(self.bodies):
             points = np.flatnonzero(np.isin(boundary.part, body.parts))
@@ -330,7 +344,7 @@ class MovingRigidBodies(RigidBodies):
         along = np.einsum("nii->n", products)[:, None, None] * np.eye(3)
         arms_turn = along - (products + products.transpose(0, 2, 1)) / 2
         turned = np.block([[np.zeros_like(against), against], [-against, arms_turn]])
-        # In 2D turns are about x[2]: its rows and columns of space are left out.
+        # In 2D rotations are about x[2]: only its row and column are kept.
         axes = [*range(dim), *range(6 + dim - each, 6)]
         blocks = turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
         blocks[:, :dim, :dim] += curvature

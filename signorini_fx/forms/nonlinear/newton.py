@@ -1,11 +1,10 @@
-"""Newton's method for a nonlinear body, from where it is.
+"""Newton's method for a nonlinear body, starting at its present displacement.
 
-It has the semi-smooth method for contact inside: each of its iterations is a linear
-``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and friction
-are those of the new displacement, so the old ones only enter through the curvature of the shapes.
-A line search follows d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with
-contact where there is one; it needs no energy (P. Wriggers, Computational Contact Mechanics, 2006,
-chapter 10).
+Each iteration solves a linear ``ContactProblem`` for the whole displacement by the semi-smooth
+Newton method, see ``linearised``.  Contact pressure and friction are those of the new displacement,
+so the old ones enter only through the curvature of the shapes.  A line search follows d . (R(u + s
+d) + B^T (lambda, mu)), the slope of the energy with contact where an energy exists; it needs no
+energy itself (P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
 """
 
 from __future__ import annotations
@@ -36,18 +35,19 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of a displacement, or of the search for one.
+    """The judgement of a displacement, or of a search for one that has failed.
 
     Attributes:
         status: how it has ended.
-        detail: what is wrong, or where, in words; "": nothing is known.
+        detail: what is wrong, or where, as text; "": nothing is known.
         certificate: of the last displacement that was judged; None: none was.
-        mechanics: what the certificate is of.
-        iterations: of Newton's method.
-        without: why there may be no solution, in words; "": nothing says so.
-        cause: why the linear contact problem has no solution; None: it has one, or that says
-            nothing of the body.
-        tried: see ``reason_for_none``.
+        mechanics: the forces and contact conditions behind the certificate.
+        iterations: number of iterations of Newton's method.
+        without: why there may be no solution, as text; "": there is no indication.
+        cause: why the linear contact problem has no solution; None: it has one, or the cause says
+            nothing about the body.
+        tried: the displacement at the end of the full increment if no part of it is possible, see
+            ``reason_for_none``.
     """
 
     status: Status
@@ -65,13 +65,19 @@ def newton(
     judge: Callable[[Array | None], Verdict],
     max_newton: int,
 ) -> Verdict:
-    """Newton's method from where the body is, with one increment where F and contact are linear,
-    and what ``judge`` says of its end, where F is given; collective.
+    """Run Newton's method from the present displacement and return the verdict of ``judge``;
+    collective.
 
-    It ends where increments are small and the certificate holds, or, as with a J that is not
-    the derivative of F, iterations no longer make it better.  With a J the residual of a body
-    at rest is round-off once increments are no longer halved; where the displacement is
-    round-off, it goes on from the undeformed body.
+    It ends where increments are small and the certificate holds, or where further iterations do not
+    improve the certificate, as with a J that is not the derivative of F. One increment is enough if
+    F and contact are linear. Increments within round-off end it, too, with a given J only once they
+    are no longer being halved. If the displacement has become negligible, the method restarts once
+    from the undeformed body.
+
+    Args:
+        body: the body, at the displacement to begin with.
+        judge: returns the verdict on the present displacement, given F there.
+        max_newton: the largest number of iterations.
     """
     foundations = body.foundations
     u = body.at
@@ -96,7 +102,7 @@ def newton(
         if residual is None:
             return Verdict(Status.INVERTED, "at the values of u before the solve")
         body.slide()
-        # Rigid bodies have unknowns in the stiffness.
+        # Rigid bodies have their own unknowns in the stiffness, so it is assembled anew.
         keeps = keeps and not foundations.rigid_bodies.bodies
         if iterate is None:
             iterate = Iterate(body.bend(symmetric=False), residual)
@@ -142,14 +148,14 @@ def newton(
                 return verdict
             else:
                 u.x.array[:], residual, keeps, rests = 0.0, None, False, True
-    # On both sides of a limit point in turn: its tangent is asked beyond it.
+    # Iterates may alternate between both sides of a limit point: go beyond it to test the tangent.
     u.x.array[:] = farthest
     return replace(verdict, status=Status.NOT_SOLVED)
 
 
 def least_increment(solved: Solved) -> float:
-    """Return increments that may be round-off of the body, its places, or loose bodies, length;
-    collective.
+    """Return the largest increment that may be round-off of the displacement, of node coordinates,
+    or of the position of loose bodies, length; collective.
     """
     scales = solved.linear.elastic.scales
     bounds = np.abs(solved.linear.elastic.pieces.bounds)
@@ -165,13 +171,20 @@ def line_search(
     *,
     search: bool,
 ) -> tuple[float, Array | None]:
-    """Return the share of an increment to take, and F there; 0 and None: there is no F however
-    short it is; collective.
+    """Return the accepted fraction of an increment, and F there; or 0 and None if F cannot be
+    evaluated at any fraction; collective.
 
-    It is halved where F cannot be evaluated, by a FormError of ``Residual.at``, too, or where
-    ``search`` and the slope of the energy along it has not become smaller; prescribed values must
-    arrive.  ``at``: values of ``u`` and the increment to them, ghosts included, and F at the owned
-    unknowns.
+    The fraction is halved while F cannot be evaluated (also if ``Residual.at`` raises a FormError),
+    and if ``search`` holds while the slope of the energy along the increment is not small enough.
+
+    Args:
+        solved: the solution of the contact problem.
+        forces_at: returns F at values of ``u``, or None if it is not finite.
+        at: values of ``u`` and the increment, ghosts included, and F at the owned unknowns.
+        search: whether to check the slope; prescribed values must arrive in the first iteration.
+
+    Raises:
+        FormError: ``forces_at`` raised it at the smallest fraction.
     """
     old, increment, residual = at
     comm = solved.body.space.mesh.comm
@@ -197,7 +210,7 @@ def line_search(
         except FormError as error:
             forces, failed = None, error
         if forces is not None:
-            # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn
+            # The contact forces of the linearised problem are -a(d, .) - R(u); along d they turn
             # with the normals.
             slope = along(forces - internal - residual + share * turning) - (1.0 - share) * on_rigid
         if slope <= steepest:

@@ -1,5 +1,5 @@
-"""``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of
-dolfinx's ``NonlinearProblem``; see ``newton`` for one step and the way through load steps.
+"""``NonlinearContactProblem``: contact and friction for a residual of the user, with the interface
+of dolfinx's ``NonlinearProblem``; see ``newton`` for one step and ``steps`` for load steps.
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ if TYPE_CHECKING:
 def checked(
     F: ufl.Form, u: fem.Function, J: UflOrCompiled | None, contact: Sequence[Foundation | Pair]
 ) -> tuple[Foundation | Pair, ...]:
-    """Return the foundations and pairs; a FormError says that the arguments do not fit each
-    other.
-    """
+    """Return the foundations and pairs; raise a FormError if the arguments do not fit together."""
     problems = list[tuple[str, str]]()
     kept = 'give sliding = "small"'
     problems += [
@@ -148,63 +146,61 @@ def checked(
 
 
 class NonlinearContactProblem(ProblemOfForms):
-    """A nonlinear problem of your own forms with contact: find u with F(u; v) = 0 for all v, and
-    contact with rigid foundations or of two bodies on parts of the boundary.
+    """A nonlinear problem of your own forms with contact: find u with F(u; v) = 0 for all v,
+    subject to contact with rigid foundations or between bodies on parts of the boundary.
 
         circle = Foundation(facets, shape={"shape": "circle", "centre": (1.0, 1.5), "radius": 0.5})
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=circle)
         problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 
-    A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points,
-    however far they slide on it, and its friction is relative to it; gaps and directions without a
-    shape are those of the undeformed boundary. Pressures, shears and bounds of friction are per
-    area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
+    A foundation with a ``shape``, a ``Shape`` or a table of one, is in contact at the displaced
+    points, however far they slide on it, and friction acts on the motion relative to it. Without a
+    shape, gaps and directions are those of the undeformed boundary. Pressures, shears and friction
+    bounds are per area of the undeformed boundary. Friction depends on the path: ``advance`` ends a
+    step.
 
-    The sides of a ``Pair`` slide on each other, in 3D with degree 1: its points see the other side
-    at displaced places, half-way between the normals of both, and slip along it over any number of
-    facets.  Areas, and so bounds of friction such as those of ``Tresca``, are those of the
-    undeformed first side; a bound without pressure acts wherever a point sees the other side, in
-    contact or not.  Where both sides are the same, they may touch each other: each step finds the
-    parts that face each other.
+    The sides of a ``Pair`` slide on each other over any number of facets, in 3D with degree 1.
+    Points are projected onto the displaced other side along the mean of both normals. Areas, and so
+    friction bounds such as those of ``Tresca``, are those of the undeformed first side; a bound
+    without pressure acts wherever a point has a partner on the other side, in contact or not. If
+    both sides are the same, the body may touch itself: each step finds the parts that face each
+    other.
 
     Args:
         F: the residual, a UFL form with one argument, nonlinear in ``u``.
-        u: the Function that takes the solution, in a vector Lagrange space of degree 1 or 2; its
-            values are the first iterate.
-        bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
-        contact: the foundations, and pairs of sides of the mesh; none: the body alone.
+        u: the Function for the solution, in a vector Lagrange space of degree 1 or 2; its values
+            are the first iterate.
+        bcs: Dirichlet conditions of dolfinx; their values may change between two solves.
+        contact: the foundations, and the pairs of sides of the mesh; empty: no contact.
         J: the tangent, a form with two arguments, UFL or compiled; None: the derivative of ``F``.
-            Where it is not symmetric, as that of loads that follow the body, it is factorised as a
-            whole.
-        update: called before anything is assembled at new values of ``u``, such as to return
-            stresses to a yield surface, from the state of the last ``commit``.  Where it raises an
-            exception the increment is shortened.
-        commit: called at the end of a step: the state at ``u`` is that from which the next one
-            starts.
-        kept: the Functions of cells that ``commit`` changes, by name, such as that of the plastic
-            strain: they are in the fields of each ``State``, so that ``step`` and ``restart`` can
-            begin there; empty: it changes none.
-        effects: what else happens from load step to load step, see ``StepEffect``.
+            An unsymmetric one, as with loads that follow the body, is factorised by LU.
+        update: called before any assembly at new values of ``u``, for example to return stresses to
+            a yield surface, from the state of the last ``commit``. If it raises an exception, the
+            increment is shortened.
+        commit: called at the end of a step: the next step starts from the state at ``u``.
+        kept: the Functions of cells that ``commit`` changes, by name, such as the plastic strain.
+            They are stored in each ``State``, so that ``step`` and ``restart`` can begin there.
+            Empty: ``commit`` changes none.
+        effects: further effects from load step to load step, such as wear, see ``StepEffect``.
         petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see
             ``ContactProblem``.
-        stability: whether the inertia of the tangent is looked at after each solve, by a
-            factorisation of its own where the last one does not tell; then *converged* means that
-            the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J`` that
-            differs from it, tried by a difference, only leads Newton's method.
-        max_newton: iterations of Newton's method.
-        density: see ``ContactProblem``; loads in F are those of the end of a time step.
-        settings: algorithm, coulomb, ..., see ``SolverSettings``.
+        stability: whether to check the inertia of the tangent after each solve, by one more
+            factorisation if needed; then *converged* means that the equilibrium is stable. The
+            check uses the derivative of ``F``: a ``J`` that differs from it, as a difference
+            quotient shows, is used in Newton's method only.
+        max_newton: largest number of iterations of Newton's method.
+        density: see ``ContactProblem``; loads in F are those at the end of a time step.
+        settings: settings of the solver, such as algorithm and coulomb, see ``SolverSettings``.
 
     Attributes:
         u: the solution.
-        pressure, shear, gap, slip: see ``ContactFields``.
-        solution: the last solution with all that results are made of; after ``run`` with all of its
-            steps.  Where the first one has no solution it is the body as it was before, under the
-            load of this step, and converged it is not.  Of what needs a strain energy it says that
-            a nonlinear body has none.
+        pressure, shear, gap, slip: nodal fields on all contact boundaries, see ``ContactFields``.
+        solution: the last solution with its results; after ``run`` with all load steps. If the
+            first step fails, it shows the body before that step under its load, and ``converged``
+            is false. Results that need a strain energy are not available for a nonlinear body.
 
-    After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are those of the
-    last solution again, and ``update`` has been called there.
+    After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are reset to the
+    last solution, and ``update`` is called there.
 
     Raises:
         FormError: an argument is wrong.
@@ -312,7 +308,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def iterations(self) -> int:
-        """Return the number of Newton iterations of the last solve."""
+        """The number of Newton iterations of the last solve."""
         solved = self._solver.solved
         return 0 if solved is None else solved.iterations
 
@@ -325,12 +321,12 @@ class NonlinearContactProblem(ProblemOfForms):
         ends = run or [solved.end]
         steps = [step for step, _ in ends]
         path = counted_path(solved.result.step - 1)
-        if run:  # else the loop is the user's own
+        if run:  # otherwise the user's own loop counts the steps
             names = tuple(step.name for step in steps)
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
 
         def errors(strain: bool) -> tuple[Array, Norms] | str:
-            """Return the estimated errors of the body as it is now."""
+            """Return the estimated errors of the last solution, or why there are none."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
             return self._errors_now(strain=strain)
@@ -362,13 +358,16 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @cached_property
     def _lowered(self) -> ufl.Form:
-        """Return the stated F by components, UFL."""
+        """The residual F as given, in terms of components, in UFL."""
         return lowered(self._stated)
 
     def _errors_now(self, *, strain: bool) -> tuple[Array, Norms] | str:
-        """Return what each owned cell has of the squared relative error of the stress in L2, shape
-        (cells,), or with ``strain`` also of that of the strain, shape (2, cells), and the norms of
-        both; or why they are not known; collective.
+        """Return the squared relative L2 error of the stress of each owned cell, shape (cells,),
+        and the norms of stress and strain; or, as text, why there is no estimate; collective.
+
+        Args:
+            strain: whether to return also the error of the strain, shape (2, cells); otherwise its
+                norm is 1.
         """
         stress = stress_of(self._lowered, self.u)
         parts = self.linear.forms.parts
@@ -380,14 +379,14 @@ class NonlinearContactProblem(ProblemOfForms):
         if not strain:
             return shares, (float(np.sqrt(size)), 1.0)
         squares, of_strain = squared_errors(stress_of(green_strain(self.u), self.u), self.u, parts)
-        # A stress without a strain is that of a body at rest.  What is left of the traction is the
-        # same share of both.
+        # Without strain the stress is that of a body at rest.  The residual of the traction is the
+        # same fraction of both.
         strains = squares / of_strain + left if of_strain > 0 else shares
         norms = (float(np.sqrt(size)), float(np.sqrt(of_strain or size)))
         return np.array([shares, strains]), norms
 
     def _loaded(self) -> Indices:
-        """Return the exterior facets of this rank on which F has forces."""
+        """Return the exterior facets of this rank over which F has integrals."""
         integrals = self._lowered.integrals_by_type("exterior_facet")
         mesh = self.u.function_space.mesh
         return np.concatenate(
@@ -396,11 +395,11 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution, see ``ContactProblem``; collective."""
+        """Warnings and notes about the last solution, see ``ContactProblem``; collective."""
         solved = self._solver.solved
         steps = [step for step, _ in self._solver.ends]
         ends = [*steps, *(() if solved is None else (solved.result,))]
-        # Where nothing presses on a body its forces are round-off.
+        # Forces on a body without contact are round-off.
         if solved is None:
             return ()
         at_end = solved.solved
@@ -420,23 +419,23 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
-        """Return the motions of the rigid bodies in the last solution."""
+        """The motions of the rigid bodies in the last solution."""
         return self.linear.foundations.rigid_bodies.motions
 
     def _differentiated(self) -> tuple[Any, ...]:
         self.linear.refuse_moving(UNDERIVED)
         named = self.solution.model
-        body = copy(self.linear)  # which is assembled in its place
+        body = copy(self.linear)  # a copy, which is assembled in place of the body
         return lambda: named, linearised_at(self._solver, body), body.data_now
 
     def solve(self) -> fem.Function:
-        """Solve with the values that Constants, Functions, conditions and shapes have now, return
+        """Solve with the present values of Constants, Functions, conditions and shapes, and return
         ``u``; collective.
 
         Raises:
-            ConvergenceError: no solution was reached; ``status`` says why, and all else is as the
-                last solution was.
-            FormError: a value is not finite, cannot be evaluated, or ``update`` raised an
+            ConvergenceError: no solution was found; ``status`` gives the reason, and all results
+                stay those of the last solution.
+            FormError: a value is not finite or cannot be evaluated, or ``update`` raised an
                 exception.
         """
         self.linear.refuse_moving(LASTS)
@@ -452,24 +451,27 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def path(self) -> LoadPath:
-        """The load steps: those of a scene, else those of an own loop so far."""
+        """The load steps of the user's own loop so far."""
         return counted_path(self.linear.begin.number)
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:
-        """Solve the load step from a state with the values of now, see ``ContactProblem.step``;
-        ``commit`` is called where it has a solution; collective.
+        """Solve the load step that follows a state with the present values, see
+        ``ContactProblem.step``; collective.
+
+        ``commit`` is called if the step has a solution.
 
         Args:
-            state: the end of the load step before, or ``initial()``; it stays as it is.
-            time: of the end of the load step.
+            state: the end of the previous load step, or ``initial()``; it is not changed.
+            time: the end of the load step.
 
         Returns:
-            The state at its end and the result, whose ``status`` says whether it is a solution.
+            The state at the end and the result, whose ``status`` says whether it is a solution.
 
         Raises:
-            ConvergenceError: there is no solution, and nothing that can be shown.
-            FormError: see ``solve``; or ``commit`` changes what is not ``kept``.
-            SceneError: the time is not after that of the state, or the state is of another mesh.
+            ConvergenceError: there is no solution, and no result that can be shown.
+            FormError: see ``solve``; or ``commit`` changes Functions that are not ``kept``.
+            SceneError: the time is not after that of the state, or the state belongs to another
+                mesh.
         """
         check_step(state, time, self.linear.space)
         solver = self._solver
@@ -484,7 +486,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return new, report.result
 
     def advance(self) -> None:
-        """End a step of a user's own loop, and begin the next one there."""
+        """End a step of your own time loop, and begin the next one from it."""
         solver = self._solver
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
@@ -498,7 +500,9 @@ class NonlinearContactProblem(ProblemOfForms):
         solver.start(new)
 
     def _step_to(self, state: State, time: float) -> tuple[float, float]:
-        """Take the way from a state to a time; the places of both."""
+        """Set the load path to a single step to a time; return the places of its beginning and end
+        on it.
+        """
         self._solver.go_through(LoadPath((time,)))
         return -1.0, 0.0
 
@@ -520,8 +524,15 @@ class NonlinearContactProblem(ProblemOfForms):
 
 
 def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, ...]:
-    """Return the last solution with its linearised problem, which is assembled there, see
-    ``SolvedStep.of``; collective.
+    """Return the last solution with its linearised problem, see ``SolvedStep.of``; collective.
+
+    Args:
+        solver: the solver with the last solution.
+        body: a copy of its body, in which the problem is assembled.
+
+    Raises:
+        FormError: two bodies touch, or the tangent is not the derivative of F.
+        RuntimeError: the solution depends on an earlier state of the material.
     """
     residual = body.evaluated
     for number, entry in enumerate(body.contact):

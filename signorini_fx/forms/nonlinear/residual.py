@@ -1,5 +1,5 @@
-"""The residual F with the material's state, and its derivative: made with the quadrature of F,
-tried by differences.
+"""The residual F with the state of the material, and its derivative, which has the quadrature of F
+and can be tested by differences.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ if TYPE_CHECKING:
 
 
 class Remembers(Protocol):
-    """What a material remembers of the load steps before, by names, with rows for the cells of this
-    rank that it owns.
+    """The interface of a material's history of earlier load steps: arrays by name, with one row for
+    each owned cell of this rank.
     """
 
     def remembered(self) -> Mapping[str, Array]:
         """Return the material history at the end of the last step."""
 
     def recall(self, fields: Mapping[str, Field]) -> None:
-        """Go back to what a state says; collective.
+        """Restore the history from the fields of a state; collective.
 
         Raises:
-            SceneError: the state is that of another material.
+            SceneError: the state belongs to another material.
         """
 
 
 @dataclass(frozen=True)
 class KeptFunctions:
-    """Functions of cells that a user's ``commit`` changes, by name."""
+    """The Functions of cells, by name, that a user's ``commit`` changes."""
 
     functions: Mapping[str, fem.Function]
 
     def _dofs(self, name: str) -> tuple[Array, Indices]:
-        """Return the values of one, a row for each node, and the nodes of the owned cells."""
+        """Return the values of a Function, one row per node, and the nodes of each owned cell."""
         space = self.functions[name].function_space
         topology = space.mesh.topology
         owned = topology.index_map(topology.dim).size_local
@@ -71,12 +71,12 @@ class KeptFunctions:
         return values, space.dofmap.list[:owned]
 
     def remembered(self) -> dict[str, Array]:
-        """See ``Remembers``."""
+        """Return the values in each owned cell, by name."""
         pairs = {name: self._dofs(name) for name in self.functions}
         return {name: values[nodes] for name, (values, nodes) in pairs.items()}
 
     def recall(self, fields: Mapping[str, Field]) -> None:
-        """See ``Remembers``."""
+        """Set the Functions to the fields of a state, see ``Remembers``."""
         for name, rows in at_cells(fields, self.remembered()).items():
             values, nodes = self._dofs(name)
             values[nodes] = rows
@@ -85,31 +85,38 @@ class KeptFunctions:
 
 @dataclass
 class Residual:
-    """F, and what a user's function does before it is assembled."""
+    """The residual F, with the loads beside it and the user's update of the material."""
 
     form: fem.Form
     u: fem.Function
-    update: Callable[[], object] | None  # the user's function; None: the material has no state
+    update: (
+        Callable[[], object] | None
+    )  # the user's function, called before assembly; None: no state
     loads: Array | float = (
-        0.0  # forces on the body beside F, shape (owned dofs,); a number: the same at all
+        0.0  # additional forces on the body, shape (owned dofs,), or a number for all
     )
-    # What a step is solved with in place of F, and what acts beside the loads; None: F itself.
+    # The forms of a time step, which replace F; None: F itself.  ``further``: their forces beside
+    # the loads.
     stepped: SteppedForms | None = None
     further: Array | float = 0.0
-    whole: fem.Form | None = None  # F itself, where ``form`` is that of a step
-    _slopes: CellSlopes | None = field(default=None, init=False)  # of the mesh where it is
+    whole: fem.Form | None = None  # F itself if ``form`` is that of a time step
+    _slopes: CellSlopes | None = field(
+        default=None, init=False
+    )  # of the mesh at its present position
 
     def assembled(self) -> Array:
-        """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
+        """Return F minus the loads at the present ``u``, at the owned dofs, force; collective."""
         return assemble(self.form) - self.loads - self.further
 
     def begin(self, state: State, dt: float) -> None:
-        """Go to the step from a state, of a duration, with the loads of its end."""
+        """Prepare the step of duration ``dt`` that follows a state, with the loads at its end."""
         if self.stepped is not None:
             self.further = self.stepped.begin(state, dt, self.loads)
 
     def internal(self, values: Array) -> Array:
-        """F itself at values of ``u``, ghosts included, which it keeps; collective."""
+        """Return F itself, without loads, at values of ``u``, ghosts included; ``u`` stays as it
+        is; collective.
+        """
         kept = self.u.x.array.copy()
         self.u.x.array[:] = values
         forces = assemble(self.whole or self.form)
@@ -117,9 +124,11 @@ class Residual:
         return forces
 
     def at(self, values: Array) -> Array | None:
-        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None if it
-        is not finite there, or cells are turned inside out; a FormError says that ``update`` has
-        raised an exception; collective.
+        """Set ``u`` to values, ghosts included, and return F minus the loads at the owned dofs;
+        None if F is not finite or a cell is inverted; collective.
+
+        Raises:
+            FormError: ``update`` has raised an exception.
         """
         self.go_to(values)
         forces = self.assembled()
@@ -131,8 +140,9 @@ class Residual:
         return None if parallel.any_rank(self.u.function_space.mesh.comm, fails) else forces
 
     def _gradients(self, values: Array) -> Iterator[tuple[Array, Array]]:
-        """Yield for each quadrature point of the cells of this rank the derivatives of places and
-        of displaced places along the reference cell, in the plane of sections, shape (d, d, cells).
+        """Yield for each quadrature point of the cells of this rank the Jacobians of the undeformed
+        and of the displaced cells with respect to the reference cell, shape (d, d, cells); for
+        sections the plane part.
         """
         space = self.u.function_space
         if self._slopes is None or not self._slopes.fits:
@@ -145,39 +155,46 @@ class Residual:
             yield place, place + moved[: len(place)]
 
     def turns_over(self, before: Array) -> bool:
-        """Return whether the way to ``u`` from other values turns a cell over: F of now times the
-        inverse of F there has an eigenvalue that is nearer to a half turn than to a quarter;
-        collective.
+        """Return whether a cell turns over between other values and the present ``u``; collective.
 
-        No deformation that goes on from one to the other gets there if one is negative, but
-        Newton's method does: two negative ones leave det F positive.
+        The deformation in between, F now times the inverse of F before, then has an eigenvalue with
+        |arg| above 135 degrees. With a negative eigenvalue the straight path between both passes a
+        singular deformation, but an iterate of Newton's method may be there: two negative ones
+        leave det F positive.
+
+        Args:
+            before: the other values of ``u``, ghosts included.
         """
         both = zip(self._gradients(before), self._gradients(self.u.x.array), strict=True)
         turned = False
         for (_, first), (_, last) in both:
             way = np.einsum("ijc,jkc->cik", last, inverses(first))
-            far = np.linalg.norm(way - np.eye(len(first)), axis=(1, 2)) >= 1  # else none is
+            far = (
+                np.linalg.norm(way - np.eye(len(first)), axis=(1, 2)) >= 1
+            )  # otherwise no eigenvalue is that far from one
             values = np.linalg.eigvals(way[far])
             turned |= bool((values.real < -np.abs(values.imag)).any())
         return parallel.any_rank(self.u.function_space.mesh.comm, turned)
 
     def go_to(self, values: Array) -> None:
-        """Give ``u`` values, and the material its state there; for the arguments and errors see
+        """Set ``u`` to values, ghosts included, and update the state of the material there, see
         ``at``; collective.
         """
         self.u.x.array[:] = values
         self.updated()
 
     def updated(self) -> None:
-        """Call ``update``; a FormError says that it has raised an exception on some rank;
-        collective.
+        """Call ``update``; collective.
+
+        Raises:
+            FormError: it has raised an exception on some rank.
         """
         if self.update is None:
             return
         error: Exception | None = None
         try:
             self.update()
-        except Exception as raised:  # whatever a user's function may raise
+        except Exception as raised:  # a user's function may raise anything
             error = raised
         named = (
             None
@@ -191,8 +208,8 @@ class Residual:
 
 
 class Tangents:
-    """The user's tangent J, if it is ``given``, and the derivative of F by u, each compiled when it
-    is first needed.
+    """The user's tangent J, if ``given``, and the derivative dF/du; each is compiled when first
+    used.
     """
 
     def __init__(
@@ -210,16 +227,12 @@ class Tangents:
 
     @cached_property
     def leading(self) -> fem.Form:
-        """Return the compiled tangent of Newton's method, J if it is given, otherwise dF/du;
-        collective.
-        """
+        """The compiled tangent of Newton's method: J if given, otherwise dF/du; collective."""
         return self._compiled(self._J) if self.given else self.derivative
 
     @cached_property
     def bilinear(self) -> ufl.Form | None:
-        """F' in UFL where it is the same at all displacements; else, and where there is one of the
-        user's, None.
-        """
+        """dF/du in UFL if it does not depend on u and J is not given; otherwise None."""
         if self.given:
             return None
         form = apply_derivatives(
@@ -229,7 +242,7 @@ class Tangents:
 
     @cached_property
     def derivative(self) -> fem.Form:
-        """Return the compiled derivative dF/du; collective."""
+        """The compiled derivative dF/du; collective."""
         return self._compiled(
             derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
         )
@@ -240,13 +253,13 @@ class Tangents:
 
 
 def lowered(F: ufl.Form) -> ufl.Form:
-    """F by components, with its derivatives carried out, UFL."""
+    """Return F in terms of components, with its derivatives carried out."""
     return apply_derivatives(apply_algebra_lowering(F))
 
 
 def derivative(F: ufl.Form, u: fem.Function, trial: Expr) -> ufl.Form:
-    """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for
-    it.
+    """Return F'(u) in the direction ``trial``, with the quadrature degrees of F; UFL would estimate
+    higher ones for the derivative.
     """
     unknown = [
         integral for integral in F.integrals() if "quadrature_degree" not in integral.metadata()
@@ -296,15 +309,23 @@ def derivative(F: ufl.Form, u: fem.Function, trial: Expr) -> ufl.Form:
 
 
 def is_derivative(form: fem.Form, residual: Residual, values: Array, free: Flags) -> bool:
-    """Return whether the product of a bilinear form with random displacements is what F changes by
-    at values of ``u``, at owned ``free`` unknowns; collective.  Where a change leads across a yield
-    surface, forces change otherwise ahead than behind: either is a derivative.
+    """Return whether a bilinear form is the derivative of F at values of ``u``, tested by central
+    differences in a random direction; collective.
+
+    Near a yield surface, forces change differently ahead and behind: either one counts as a
+    derivative.
+
+    Args:
+        form: the bilinear form.
+        residual: F.
+        values: values of ``u``, ghosts included.
+        free: flags of the owned dofs that are compared.
     """
     u = residual.u
     comm = residual.u.function_space.mesh.comm
 
     def agrees(strain: float) -> bool:
-        """Over a change of strain of this size."""
+        """Return whether they agree for a displacement with this size of strain."""
         now = residual.at(values)
         direction = random_direction(u, strain)
         direction.x.array[: free.size][~free] = 0.0
@@ -327,8 +348,8 @@ def is_derivative(form: fem.Form, residual: Residual, values: Array, free: Flags
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
-    """Return a displacement that strains each cell by about this much, the same on any number of
-    ranks only in size.
+    """Return a random displacement that strains each cell by about ``strain``; its signs depend on
+    the number of ranks.
     """
     space = u.function_space
     direction = fem.Function(u.function_space)
@@ -337,7 +358,9 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
     dim = space.dofmap.index_map_bs
     cells = mesh.topology.index_map(tdim)
     count = cells.size_local + cells.num_ghosts
-    smallest = np.full(direction.x.array.size // dim, np.inf)  # cell around each node
+    smallest = np.full(
+        direction.x.array.size // dim, np.inf
+    )  # size of the smallest cell around each node
     np.minimum.at(
         smallest, space.dofmap.list[:count], mesh.h(tdim, np.arange(count, dtype=np.int32))[:, None]
     )
@@ -348,14 +371,17 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
 
 
 def round_off(residual: Residual, forces: Array) -> Array:
-    """Return what round-off changes of F, shape (owned dofs,), which is ``forces`` at ``u``;
-    collective.
+    """Return the round-off error of F at each owned dof, shape (owned dofs,); collective.
 
-    It is measured: over a change that is large beside round-off, and small beside anything else, F
-    is linear, so that its second difference is round-off of three evaluations. A residual that
-    computes I + grad u has that of the unit, however small u is; one that computes strains from
-    grad u alone that of the strains. At some unknowns it is nothing by chance: they have the mean
-    of all, quadratic.
+    It is measured: over a change that is large beside round-off and small beside anything else, F
+    is linear, so its second difference is the round-off of three evaluations.  A residual that
+    computes I + grad u has the round-off of the identity, however small u is; one that computes
+    strains from grad u has that of the strains.  Dofs whose error happens to be small get the root
+    mean square of all.
+
+    Args:
+        residual: F.
+        forces: its value at the present ``u``.
     """
     u = residual.u
     unit = UNITS_OF_DIFFERENCE * float(np.finfo(float).eps)
@@ -377,8 +403,8 @@ def round_off(residual: Residual, forces: Array) -> Array:
 def refuse_miscompiled(
     F: ufl.Form, residual: fem.Form, u: fem.Function, options: FormOptions
 ) -> None:
-    """Raise a FormError if F has several rules of quadrature, and its compiled sum is not that of
-    each; collective.
+    """Raise a FormError if F has several quadrature rules and its compiled form differs from the
+    sum of its parts, one per rule; collective.
     """
     rules: dict[int | None, list[ufl.Integral]] = {}
     for integral in F.integrals():

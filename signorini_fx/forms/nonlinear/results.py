@@ -1,8 +1,8 @@
-"""What a nonlinear body is at a solution: its certificate by F, assembled anew at the displaced
-points, its load step, and the error of its stress P, by which the residual multiplies the gradient
-of its test function, see docs/theory.md.
+"""The results of a nonlinear body at a solution: its certificate, for which F is assembled again at
+the displaced points, its load step, and the error of its stress P.
 
-What a coarse mesh leaves in the state of a material counts as far as it makes the stress rough.
+P is the factor of the gradient of the test function in the residual, see docs/theory.md.  Errors of
+the material's state on a coarse mesh count only as far as they make the stress rough.
 """
 
 from __future__ import annotations
@@ -48,30 +48,30 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
 
-Norms = tuple[float, float]  # of the stress, and of the strain
+Norms = tuple[float, float]  # norms of stress and strain
 
 
 @dataclass(frozen=True)
 class ResidualMechanics:
-    """What the residual says of a body at a displacement."""
+    """Forces and contact conditions of a body at a displacement, from its residual."""
 
-    forces: Balance  # the residual as forces on the body without contact
-    contact: ContactConditions | None  # at the displaced points; None: there is no contact
-    fixed: Flags  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
+    forces: Balance  # the residual, as forces on the body without contact
+    contact: ContactConditions | None  # conditions at the displaced points; None: no contact
+    fixed: Flags  # flags of prescribed dofs, ghosts included, shape (dofs,)
 
 
 @dataclass(frozen=True)
 class NonlinearMechanics(Mechanics):
-    """The mechanics of a model that its residual says all of, at the displacements of its load
+    """The mechanics of a model that is defined by its residual, at the displacements of its load
     steps.
     """
 
     no_bounds = "a nonlinear body has no guaranteed bound"
 
-    ends: Sequence[tuple[StepResult, ResidualMechanics]]  # the last load step at least
-    boundaries: Mapping[str, Indices]  # that were given a name
-    # At the last load step, see ``NonlinearContactProblem._errors_now``, with that of the strain or
-    # without it.
+    ends: Sequence[tuple[StepResult, ResidualMechanics]]  # at least the last load step
+    boundaries: Mapping[str, Indices]  # facets of the named parts of the boundary
+    # Errors at the last load step, with or without those of the strain, see
+    # ``NonlinearContactProblem._errors_now``.
     errors_now: Callable[[bool], tuple[Array, Norms] | str] = lambda strain: "it is not asked yet"
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
@@ -84,12 +84,14 @@ class NonlinearMechanics(Mechanics):
         return self._at(y).forces
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """Return the forces at the supports; which loads act only the residual contains."""
+        """Return the forces at the supports; loads are not separated, as they are part of the
+        residual.
+        """
         end = self._at(y)
         return acting_on(end.forces, self.boundaries, end.fixed, (), displaced=True)
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
-        """Return the mechanics of the load step with a displacement, or of the last one."""
+        """Return the mechanics of the load step with this displacement, or of the last one."""
         return next(
             (end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1]
         )
@@ -101,11 +103,14 @@ def certified(
     lost: Array | None = None,
     tractions: Tractions | None = None,
 ) -> tuple[Certificate, ResidualMechanics]:
-    """Return the certificate of the displacement of now, where F is ``residual`` and its round-off
-    ``lost``, forces at the owned unknowns, and what it is of; collective.
+    """Return the certificate of the present displacement, with the forces and conditions that it
+    judges; collective.
 
-    ``solved``: the last iteration.
-    ``tractions``: else the solver's.
+    Args:
+        residual: F at the owned dofs, force.
+        solved: the last iteration.
+        lost: round-off of the residual at the owned dofs; None: zero.
+        tractions: contact tractions to judge; None: those of the solver.
     """
     body = solved.body
     linear = solved.linear
@@ -134,7 +139,9 @@ def certified(
     before = linear.before
     if before is not None:
         moved = foundations.motion_at(boundary, linear.begin)
-        if moved is not None:  # of rigid bodies it is beyond that of the undeformed points
+        if (
+            moved is not None
+        ):  # for rigid bodies only the motion beyond that of the undeformed points
             for motions, sign in ((rigid_bodies.motions, -1.0), (before.rigid, 1.0)):
                 for motion in motions:
                     touching = np.isin(boundary.part, motion.body.parts)
@@ -151,8 +158,10 @@ def certified(
 
 
 def _moved_with_corners(solved: Solved, boundary: ContactBoundary, before: PreviousStep) -> Array:
-    """Return how far foundations have moved at contact points in the step, length, shape (n, d), at
-    corners by so much that the slip is that of the body that was under them; collective.
+    """Return the displacement of foundations at contact points in the step, length, shape (n, d).
+
+    At corners it is chosen such that the slip is that of the material point that was under the
+    corner; collective.
     """
     slips = solved.body.foundations.slips_at_corners(boundary, solved.linear.begin)
     places = solved.body.places
@@ -163,8 +172,8 @@ def _moved_with_corners(solved: Solved, boundary: ContactBoundary, before: Previ
 
 
 def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
-    """Return what holds at the contact points: distances and normals of shapes, and the maps of
-    pairs, at displaced points.
+    """Return the conditions at the contact points: distances and normals of shapes, and maps of
+    pairs, at displaced points; collective.
     """
     body.slide()
     data = [*linear.data]
@@ -187,7 +196,7 @@ def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
     added: Array | float = 0.0
-    if body.effects:  # what they add is what the problem was solved with
+    if body.effects:  # effects add what the problem was solved with
         first = linear.posed.first
         added, law = first.data.gap - linear.given_gap, first.law
     points = judged_corners(boundary, regularised.gap + added, shapes, foundations.displacement)
@@ -199,7 +208,9 @@ class SolvedBody(Report):
     """A nonlinear body at the end of a load step.
 
     Attributes:
+        mechanics: its mechanics.
         solved: the last iteration.
+        iterations: number of Newton iterations.
     """
 
     mechanics: NonlinearMechanics
@@ -208,12 +219,12 @@ class SolvedBody(Report):
 
     @property
     def internal(self) -> Callable[[Array], Array]:  # type: ignore[override]
-        """See ``StepEnd``."""
+        """The function that returns the internal forces at a displacement, see ``StepEnd``."""
         return self.solved.body.evaluated.internal
 
     @property
     def end(self) -> tuple[StepResult, ResidualMechanics]:
-        """Return the step with what the residual says of it."""
+        """The result of the step with its forces and contact conditions."""
         return self.result, self.mechanics.ends[-1][1]
 
     @classmethod
@@ -226,8 +237,15 @@ class SolvedBody(Report):
         iterations: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """Return the state after a solve, which the user sees, with its linear solves and how it
-        has ended; collective.
+        """Return the end of a load step, and show its contact state to the user; collective.
+
+        Args:
+            solved: the last iteration.
+            certificate: the certificate of the displacement.
+            end: forces and contact conditions behind the certificate.
+            solves: number of linear solves.
+            iterations: number of Newton iterations.
+            status: how the solve has ended.
         """
         body = solved.body
         linear = solved.linear
@@ -278,11 +296,13 @@ class SolvedBody(Report):
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
-    """What round-off may hide at the ends of load steps, where that is more than a certificate
+    """Yield warnings where round-off may hide more at the ends of load steps than a certificate
     allows.
 
-    ``residual``: its name.  Steps with a small share of the farthest displacement are round-off, as
-        where a body is back at rest.
+    Args:
+        certificates: certificates of the load steps.  Those with a small fraction of the largest
+            displacement are left out, as a body that is back at rest has nothing but round-off.
+        residual: the name of the residual.
     """
     farthest = max((certificate.displacement for certificate in certificates), default=0.0)
     judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
@@ -311,8 +331,8 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[
 
 
 def slid_past_partners(solved: Solved) -> Iterator[Finding]:
-    """A warning for each pair whose touching points have moved farther than partners may be kept;
-    collective.
+    """Yield a warning for each pair whose touching points have moved farther than the limit for
+    kept partners; collective.
     """
     body = solved.body
     mesh = body.space.mesh
@@ -339,10 +359,13 @@ def slid_past_partners(solved: Solved) -> Iterator[Finding]:
 def squared_errors(
     field: fem.Function, u: fem.Function, parts: Sequence[Indices]
 ) -> tuple[Array, float]:
-    """Return what each owned cell has of the squared error in L2 of a stress or a strain of
-    ``stress_of``, by its recovery, and the squared norm of it; collective.
+    """Return the squared L2 error of a stress or strain of ``stress_of`` in each owned cell, by its
+    recovery, and its squared L2 norm; collective.
 
-    ``parts``: cells of each material, local numbers, ghosts included.
+    Args:
+        field: the stress or strain.
+        u: the displacement.
+        parts: cells of each material, local numbers, ghosts included.
     """
     stress = SimpleNamespace(
         displacement=u,
@@ -356,9 +379,11 @@ def squared_errors(
 
 
 def green_strain(u: fem.Function) -> ufl.Form:
-    """Return the work of Green's strain and grad v, with v a test function, of which ``stress_of``
-    finds the strain as that of a stress: however the body is turned it is the same.  Displacements
-    out of a section have their gradient.
+    """Return the form E : grad v of Green's strain E, from which ``stress_of`` finds E like a
+    stress.
+
+    It does not depend on rotations of the body.  For displacements out of a section the rows of E
+    are their gradients.
     """
     gradient = ufl.grad(u)
     rows, columns = gradient.ufl_shape
@@ -370,9 +395,10 @@ def green_strain(u: fem.Function) -> ufl.Form:
 
 
 def traction_left(body: NonlinearBody, loaded: Indices, field: fem.Function) -> Array:
-    """Return the squared traction, times h, that the stress P of ``stress_of`` leaves where there
-    is none, of each owned cell, see ``squared_residual``: off the contact, the ``loaded`` facets,
-    and components that are prescribed; collective.
+    """Return the squared traction, times h, of the stress P on free facets, in each owned cell, see
+    ``squared_residual``; collective.
+
+    It should be zero there. Contact, ``loaded`` facets and prescribed components are left out.
     """
     space = body.space
     mesh = space.mesh
@@ -398,7 +424,9 @@ def traction_left(body: NonlinearBody, loaded: Indices, field: fem.Function) -> 
 
 
 def stress_of(residual: ufl.Form, u: fem.Function) -> fem.Function:
-    """P as a polynomial of degree k - 1 in each cell, its components row by row; collective."""
+    """Return the stress P of a residual as a polynomial of degree k - 1 in each cell, components
+    row by row, by an L2 projection; collective.
+    """
     mesh = u.function_space.mesh
     rows = u.ufl_shape[0]
     columns = mesh.geometry.dim

@@ -1,5 +1,5 @@
-"""The equilibria of a nonlinear body: each load step from the state before it, and the verdicts on
-where Newton's method ends.
+"""The load steps of a nonlinear body: each is solved from the previous state, and the end of
+Newton's method is judged.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.step import Failure, Report, refuse_no_duration
 
-# What is said of linear bodies alone.
+# Statuses that hold for linear bodies only.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
-# How a solve ends that says nothing of the stiffness, beside these.
+# Statuses that say nothing about the stiffness.
 NOT_BY_STIFFNESS = (
     *OF_THE_BODY,
     Status.PASSED,
@@ -60,52 +60,54 @@ NOT_BY_STIFFNESS = (
 
 @dataclass
 class EquilibriumSolver:
-    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they
-    are.
+    """Finds the equilibrium next to the present displacement of a nonlinear body, with its present
+    loads and shapes.
     """
 
     body: NonlinearBody
-    commit: Callable[[], object] | None  # the user's function at the end of a step
-    remembers: Remembers | None  # what the material keeps of earlier steps
+    commit: Callable[[], object] | None  # the user's function, called at the end of a step
+    remembers: Remembers | None  # the material's history of earlier steps
     max_newton: int
     asks_stability: bool
-    extrapolates: bool = False  # whether Newton's method begins beyond the step before
+    extrapolates: bool = (
+        False  # whether Newton's method begins with an extrapolation of the last step
+    )
     too_large: Callable[[], str] = lambda: (
         ""
-    )  # by how much the deformation is, in words; "": it is not; collective
-    # See ``behind``, of the solutions since the path began.
+    )  # by how much the deformation is too large, as text; "": it is not; collective
+    # Boundaries that have passed a foundation since the path began, see ``behind``.
     passed: dict[int, str] = field(default_factory=dict)
-    # What to do about statuses, where that is not ``Status.advice``.
+    # Advice on a status in place of ``Status.advice``.
     cures: Mapping[Status, str] = field(default_factory=dict)
     status: Status | None = (
-        None  # of the last attempt; None: it has ended by an error, or there is none
+        None  # status of the last attempt; None: there was none, or it raised an error
     )
-    verdict: Verdict = field(init=False)  # on the last attempt
-    linear_solves: int = 0  # likewise
-    failure: str = ""  # how the last attempt has ended that has no solution, in words
-    solved: SolvedBody | None = None  # the last solution that was taken, for results
+    verdict: Verdict = field(init=False)  # verdict on the last attempt
+    linear_solves: int = 0  # linear solves of the last attempt
+    failure: str = ""  # how the last failed attempt has ended, as text
+    solved: SolvedBody | None = None  # the last accepted solution, for results
     reached: State | None = None  # the end of the last step
     # The load steps of the path with a solution.
     ends: list[tuple[StepResult, ResidualMechanics]] = field(default_factory=list)
     timings: Timings = field(default_factory=Timings)
-    # the largest displacement of solutions that were taken, relative to the size of the body
+    # the largest displacement of accepted solutions, relative to the size of the body
     farthest: float = 0.0
-    _since: State = field(init=False)  # the last solution before an attempt, or what there was
+    _since: State = field(init=False)  # the last solution before an attempt, or the initial state
     path: LoadPath = field(init=False)  # the load steps
-    go_to: Callable[[float], object] = field(init=False)  # changes the body to what it is there
-    # Where it is on the path; None: one step of a user's own is solved.
+    go_to: Callable[[float], object] = field(init=False)  # changes the body to a place on the path
+    # The increments along the path; None: a single step of the user's loop is solved.
     way: HalvedIncrements | None = None
-    # Says in words what the place that was reached bears of the loads at one without a solution.
+    # Returns as text which share of the loads at the failed place the reached place bears.
     held: Callable[[float, float], str] = lambda reached, failed: ""
 
     @property
     def history(self) -> History:
-        """Return the history of all solves."""
+        """The history of all solves."""
         return self.body.history
 
     @property
     def effects(self) -> Sequence[StepEffect]:
-        """Return what else happens from load step to load step."""
+        """The effects from load step to load step."""
         return self.body.effects
 
     def go_through(
@@ -114,13 +116,13 @@ class EquilibriumSolver:
         go_to: Callable[[float], object] = lambda place: None,
         way: HalvedIncrements | None = None,
     ) -> None:
-        """Take load steps, see the attributes of these names."""
+        """Set the load path, see the attributes ``path``, ``go_to`` and ``way``."""
         self.path = path
         self.go_to = go_to
         self.way = way
 
     def begin_path(self) -> None:
-        """Forget the load steps of another path, and a first step that had no solution."""
+        """Discard the load steps of another path, and the result of a failed first step."""
         self.timings = Timings()
         self.passed = {}
         self.ends = []
@@ -128,12 +130,14 @@ class EquilibriumSolver:
             self.solved = None
 
     def attempt(self, *, final: bool = True) -> str:
-        """Solve with the values of now; ``take`` makes it the last solution; collective. Returns
-        why there is none, and what to do, with all but ``status`` as the last solution was.
+        """Solve with the present values; ``take`` makes the result the last solution; collective.
+
+        Returns "", or if there is no solution the reason and what to do about it. Then everything
+        but ``status`` is reset to the last solution.
 
         Args:
-            final: whether no smaller step will be tried, so that a failure is asked why there may
-                be no solution; "": there is one.
+            final: whether no smaller step will be tried, so that the reason of a failure is
+                searched for.
         """
         body = self.body
         begin = body.at.x.array.copy()
@@ -154,7 +158,7 @@ class EquilibriumSolver:
                 final
                 and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS)
                 and not verdict.without
-                # The last iterate of a contact problem without sets is no equilibrium.
+                # The last iterate of a contact problem whose sets were not found is no equilibrium.
                 and not verdict.detail
             ):
                 without = reason_for_none(body, last.displacement, verdict.tried)
@@ -181,7 +185,7 @@ class EquilibriumSolver:
             else status.value
         )
         self.failure = ended + (f" ({reason})" if reason else "")
-        if status is Status.INVERTED and verdict.without:  # beyond any displacement of the body
+        if status is Status.INVERTED and verdict.without:  # the iterates run away from the body
             self.failure = verdict.without
         if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
             passed = self.passed | behind(body, last)
@@ -190,15 +194,15 @@ class EquilibriumSolver:
         return f"{self.failure}: {self.advice(status)}"
 
     def advice(self, status: Status) -> str:
-        """Return what to do about the last attempt, which has ended with this status."""
+        """Return what to do about the last attempt, which ended with this status."""
         cause = self.verdict.cause
         if cause is not None and status in (Status.NOT_SOLVED, Status.LIMIT):
             return cause.advice
         return self.cures.get(status, status.advice)
 
     def certify(self) -> Status:
-        """Return the verdict, but for stability, on the displacement of now, which an earlier run
-        has found; collective.
+        """Judge the present displacement, which an earlier run has found, without the stability,
+        and return the status; collective.
         """
         self._since = self.body.begin
         values = self.body.at.x.array.copy()
@@ -206,7 +210,9 @@ class EquilibriumSolver:
         return self.verdict.status
 
     def _ended(self, phase: str, solve: Callable[[], Verdict]) -> Verdict:
-        """Return how something ends that may not be able to go on; collective."""
+        """Return the verdict of ``solve``, also if it ends by an error that has a status;
+        collective.
+        """
         try:
             with self.timings.phase(phase):
                 return solve()
@@ -220,7 +226,7 @@ class EquilibriumSolver:
             return Verdict(Status.NOT_FINITE)
 
     def take(self) -> SolvedBody:
-        """Make what there is now the last solution, and return it; collective."""
+        """Accept the present displacement as the last solution, and return it; collective."""
         verdict = self.verdict
         certificate = verdict.certificate
         assert certificate is not None
@@ -232,12 +238,12 @@ class EquilibriumSolver:
         return self.solved
 
     def before(self, status: Status, solves: int) -> SolvedBody | None:
-        """Return the body as it is, without contact, to be shown in place of a solution that there
-        is not; None if it cannot be evaluated; collective.
+        """Return the present body without contact, which is shown if there is no solution; None if
+        it cannot be evaluated; collective.
 
         Args:
             status: how the search for a solution has ended.
-            solves: after how many linear solves.
+            solves: number of linear solves of the search.
         """
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.body.evaluated.at(self.body.at.x.array.copy())) is None:
@@ -247,11 +253,11 @@ class EquilibriumSolver:
         return None
 
     def initial(self) -> State:
-        """Return the body before the first step, with what its material remembers then."""
+        """Return the state before the first step, with the initial history of the material."""
         return self._remembered(self.body.initial())
 
     def _remembered(self, state: State) -> State:
-        """Return a state with what the material remembers now."""
+        """Return the state with the present history of the material."""
         if self.remembers is None:
             return state
         values = self.remembers.remembered()
@@ -259,9 +265,10 @@ class EquilibriumSolver:
         return replace(state, fields={**state.fields, **kept})
 
     def _beginning(self, values: Array) -> State:
-        """Return the state from which the way of a step counts: where the step begins, but where
-        bodies and shapes are now if the user has put the body elsewhere before the first one,
-        ``values`` of u; collective.
+        """Return the state relative to which a step is checked; collective.
+
+        It is the beginning of the step.  Before the first step, if the user has set ``u`` to other
+        ``values``, it has these and the present places of the shapes.
         """
         begin = self.body.begin
         comm = self.body.space.mesh.comm
@@ -272,11 +279,11 @@ class EquilibriumSolver:
         return replace(begin, displacement=values, placed=self.body.foundations.placed)
 
     def start(self, state: State) -> None:
-        """Begin a step from a state, and from nothing else that another step has left; collective.
+        """Begin a step from a state, without data of any other step; collective.
 
         Raises:
-            FormError: the material has its history elsewhere.
-            SceneError: the state is that of another material.
+            FormError: the material keeps its history outside of the state.
+            SceneError: the state belongs to another material.
         """
         body = self.body
         known = state is body.begin or state is self.reached
@@ -288,10 +295,10 @@ class EquilibriumSolver:
         self.farthest = max(self.farthest, size / body.named[1].size)
 
     def refuse_elsewhere(self) -> None:
-        """Refuse to begin from a state without what the material remembers.
+        """Refuse to begin from a state that lacks the history of the material.
 
         Raises:
-            FormError: the material keeps it elsewhere.
+            FormError: the material keeps its history outside of the state.
         """
         if self.commit is not None and self.remembers is None:
             reason = (
@@ -301,14 +308,12 @@ class EquilibriumSolver:
             raise FormError.at("commit", reason)
 
     def _recall_material(self, state: State) -> None:
-        """Let the material remember what it does in a state; collective."""
+        """Restore the history of the material from a state; collective."""
         if self.remembers is not None and (state.fields or state.number):
             self.remembers.recall(state.fields)
 
     def committed(self, time: float) -> State:
-        """Return the end of the step whose last solution was taken, from which the material goes
-        on; collective.
-        """
+        """Commit the accepted solution and return the state at the end of its step; collective."""
         assert self.body.last is not None
         if self.commit is not None:
             self.commit()
@@ -320,15 +325,16 @@ class EquilibriumSolver:
         return new.with_field("rate", "dofs", rate)
 
     def extrapolate(self, state: State, time: float) -> None:
-        """Begin Newton's method where the step before a state goes on to, until a time: a body that
-        flows is soft there, but at the state it has its elastic tangent.
+        """Begin Newton's method with the displacement extrapolated from a state to a time.
+
+        A body that flows plastically is soft there, while at the state it has its elastic tangent.
         """
         if self.extrapolates and (rate := state.fields.get("rate")) is not None:
             self.body.at.x.array[:] = state.displacement + rate.values * (time - state.time)
 
     def show_last(self, begin: Array) -> None:
-        """Make the last solution what the user sees, or before the first one the values of ``u``
-        where it began; loads and shapes stay, but for rigid bodies that forces move; collective.
+        """Reset ``u``, the fields and rigid bodies to the last solution, or before the first one to
+        the values ``begin`` of u; loads and prescribed shapes stay; collective.
         """
         solved = self.solved
         if solved is not None and solved.status is not Status.CONVERGED:
@@ -339,19 +345,19 @@ class EquilibriumSolver:
         body.show(None if body.solved is None else body.solved.state)
         body.foundations.carry_to((body.last or body.begin).rigid)
         body.at.x.array[:] = begin if solved is None else solved.result.displacement.x.array
-        with suppress(FormError):  # before the first solution it may not be possible
+        with suppress(FormError):  # before the first solution ``update`` may fail
             body.evaluated.updated()
 
     @property
     def certificate(self) -> Certificate | None:
-        """Return the certificate of the last solution."""
+        """The certificate of the last solution, or None if there is none."""
         solved = self.solved
         ended = solved is not None and solved.status is Status.CONVERGED
         return solved.result.certificate if solved is not None and ended else None
 
     def _not_solved(self, solved: Solved) -> Verdict:
-        """Return how a solve ends whose linear contact problem has no solution, which proves little
-        of the body itself.
+        """Return the verdict if the linear contact problem of an iteration has no solution, which
+        proves little about the nonlinear body.
         """
         inner = solved.status
         if inner in (Status.NOT_HELD, Status.OPEN) and solved.loose:
@@ -369,8 +375,8 @@ class EquilibriumSolver:
         return Verdict(Status.NOT_SOLVED, inner.value)
 
     def _hidden(self, certificate: Certificate | None) -> bool:
-        """Return whether round-off may be all that there is in the solution, unless the body has
-        come back to rest.
+        """Return whether the solution may be nothing but round-off, unless the body has returned to
+        its initial position.
         """
         assert certificate is not None
         return (
@@ -379,8 +385,10 @@ class EquilibriumSolver:
         )
 
     def judge(self, residual: Array | None) -> Verdict:
-        """Return whether an iterate is a solution, where F is ``residual``, evaluated last;
-        collective.
+        """Return whether an iterate is a solution; collective.
+
+        Args:
+            residual: F at the present displacement; None: it cannot be evaluated.
         """
         if residual is None:
             return Verdict(Status.INVERTED)
@@ -412,7 +420,7 @@ class EquilibriumSolver:
         return Verdict(status, "", certificate, mechanics)
 
     def accept(self, new: State, report: Report) -> None:
-        """The next step begins from this end of the last one."""
+        """Make the end of a step the beginning of the next one."""
         assert isinstance(report, SolvedBody)
         self.solved = report
         self.reached = new
@@ -425,15 +433,17 @@ class EquilibriumSolver:
         guess: State | None = None,
         budget: int | None = None,
     ) -> tuple[State, SolvedBody | Failure]:
-        """Return the end of a step before effects in time, or that before it, and how it has ended;
-        a failure changes nothing that the user sees; collective.
+        """Solve a step, before effects in time, and return the state at its end and the result;
+        collective.
+
+        After a failure it returns the given state, and results stay those of the last solution.
 
         Args:
-            state: the end of the step before.
-            place: see ``statement.load_path``.
-            time: of its end.
-            guess: is none of a nonlinear body.
-            budget: linear solves that it may take; None: those of the settings.
+            state: the end of the previous step.
+            place: the place on the path, see ``statement.load_path``.
+            time: the end of the step.
+            guess: ignored.
+            budget: largest number of linear solves; None: that of the settings.
         """
         body = self.body
         way = self.way
@@ -469,7 +479,7 @@ class EquilibriumSolver:
         return state, shown
 
     def _begin(self, state: State, place: float, time: float) -> None:
-        """Put the body where a step to a place, which ends at a time, begins; collective."""
+        """Put the body at the beginning of a step that ends at a place and a time; collective."""
         body = self.body
         foundations = body.foundations
         dt = time - state.time
@@ -487,8 +497,8 @@ class EquilibriumSolver:
             refuse_no_duration(dt)
 
     def _go_back(self, begin: State, values: Array) -> None:
-        """Show the last solution, as a step has none; a step of a user's own begins again where the
-        last one has begun; collective.
+        """Reset to the last solution after a failed step; a step of the user's own loop returns to
+        the state where it began; collective.
         """
         if self.way is None:
             self.body.begin = begin
@@ -499,7 +509,7 @@ class EquilibriumSolver:
             self.go_to(self.way.reached)
 
     def _named(self, solved: SolvedBody, place: float, time: float) -> SolvedBody:
-        """Return a body at the end of the step to a place, which ends at a time."""
+        """Return the result with place, time and name of the step."""
         name = self.path.name_at(place)
         return replace(solved, result=replace(solved.result, place=place, time=time, name=name))
 
@@ -511,7 +521,9 @@ class EquilibriumSolver:
         read: Callable[..., State | None],
         method: Mapping[str, Any],
     ) -> tuple[State, SolvedBody | Failure] | None:
-        """See ``recalled_equilibrium``."""
+        """Restore the end of a step from a stored state, and check it; see
+        ``recalled_equilibrium``; collective.
+        """
         body = self.body
         self.refuse_elsewhere()
         self._begin(state, place, time)
@@ -542,15 +554,16 @@ class EquilibriumSolver:
         on_step: Callable[[StepResult], object],
         stored: StoredStates | None = None,
     ) -> tuple[str, str]:
-        """Solve the load steps of a path after a state; the solver is left where the next one would
-        begin; collective.
+        """Solve the load steps of a path after a state; collective.
+
+        The solver is left where the next step would begin.
 
         Returns:
-            Why the path has ended before its last step, and what to do about it, in words; "": it
-            has not.
+            Why the path ended before its last step, and what to do about it, as text; "" if it is
+                complete.
 
         Raises:
-            FormError: with which the smallest step has ended.
+            FormError: the smallest step ended with one.
         """
         way = self.way
         assert way is not None

@@ -1,6 +1,6 @@
 """The verdicts on a displacement: whether displacements that contact admits raise the energy, by
-the derivative of F, and whether shapes or bodies are inside each other, or have passed through
-since the last solution, in words.
+the derivative of F; and whether shapes or bodies are inside each other, or have passed through each
+other since the last solution, as text.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from signorini_fx.tuned import HOLDING_STIFFNESS, MOST_PLACES, NEGLIGIBLE, NO_FO
 
 
 def stable(solved: Solved) -> tuple[Status, str]:
-    """Return whether an equilibrium is stable, by the derivative of F, and where instability
-    begins, in words; collective.
+    """Return whether an equilibrium is stable, by the derivative of F, as a status, and where an
+    instability begins, as text; collective.
     """
     if _holds(solved):
         return Status.CONVERGED, ""
@@ -49,14 +49,14 @@ def stable(solved: Solved) -> tuple[Status, str]:
         return Status.CONVERGED, ""
     if (
         not solved.linear.iterate.symmetric
-    ):  # without an energy a symmetric part that is not definite proves nothing
+    ):  # without an energy, an indefinite symmetric part proves nothing
         return Status.STABILITY_UNKNOWN, ""
     return Status.UNSTABLE, f"it begins at {place}"
 
 
 def _holds(solved: Solved) -> bool:
-    """Return whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
-    collective.
+    """Return whether the condensed stiffness of the last iteration is positive definite together
+    with ``_springs``; collective.
     """
     system = solved.linear.task.system
     condensed = isinstance(system, CondensedSystem) and system.schur.regular
@@ -69,8 +69,8 @@ def _holds(solved: Solved) -> bool:
 
 
 def _inertia(solved: Solved) -> tuple[int, str] | None:
-    """Negative directions of the derivative of F: how many, and where one is largest; None:
-    unknown; collective.
+    """Return the number of negative eigenvalues of the derivative of F, and where the unstable
+    direction is largest; None if unknown, for lack of memory or of a derivative; collective.
     """
     elastic = solved.linear.elastic
     mesh = elastic.space.mesh
@@ -86,12 +86,15 @@ def _inertia(solved: Solved) -> tuple[int, str] | None:
 
 
 def reason_for_none(body: NonlinearBody, before: Array, tried: Array | None = None) -> str:
-    """Why there may be no solution, at an iterate; empty: nothing says so; collective.
+    """Return a reason why there may be no solution, as text, or "" if there is no indication;
+    collective.
 
-    ``before``: values of ``u`` of the last solution.
-    ``tried``: of where the tangent leads to, if no part of the way is possible.
+    Args:
+        body: the body at the last iterate.
+        before: values of ``u`` of the last solution.
+        tried: values of ``u`` after the full increment, if no part of it is possible.
     """
-    if body.now is None:  # there was no tangent
+    if body.now is None:  # no tangent was assembled
         return ""
     u = body.at
     comm = u.function_space.mesh.comm
@@ -112,8 +115,10 @@ def reason_for_none(body: NonlinearBody, before: Array, tried: Array | None = No
 
 
 def leads(body: NonlinearBody, values: Array) -> bool:
-    """Return whether the tangent is the derivative of F at values of ``u``: others may lead away;
-    collective.  That of UFL does not see what a function of the user changes.
+    """Return whether Newton's tangent is the derivative of F at values of ``u``; collective.
+
+    Other tangents may lead away from the solution.  The derivative by UFL, too, misses what the
+    user's ``update`` changes.
     """
     tangents = body.tangents
     residual = body.evaluated
@@ -124,8 +129,8 @@ def leads(body: NonlinearBody, values: Array) -> bool:
 
 
 def _springs(solved: Solved) -> Array:
-    """Return what keeps points in contact and in place, whatever the units, force per length, shape
-    (n, d, d).
+    """Return springs that represent contact and sticking, independent of units, force per length,
+    shape (n, d, d); collective.
     """
     state = solved.state
     springs = turning_of(state, solved.linear.elastic.scales.size)
@@ -138,7 +143,9 @@ def _springs(solved: Solved) -> Array:
 
 
 def _negative(tangent: fem.Form, solved: Solved, bent: Bent) -> tuple[int, str]:
-    """``negative_directions`` with ``_springs``; collective."""
+    """Return ``negative_directions`` of a tangent with ``_springs``, and where the direction is
+    largest; collective.
+    """
     nonlinear = solved.body
     space = nonlinear.space
     elastic = solved.linear.elastic
@@ -170,7 +177,7 @@ def _negative(tangent: fem.Form, solved: Solved, bent: Bent) -> tuple[int, str]:
     if not solved.linear.iterate.symmetric:
         matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
         matrix.scale(0.5)
-    if solved.loose:  # bodies may move without resistance, so that a small stiffness must hold them
+    if solved.loose:  # loose bodies move without resistance: a small stiffness must hold them
         matrix.shift(NO_FORCE * largest_stiffness(elastic))
     negative, direction = negative_directions(matrix)
     sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
@@ -191,9 +198,11 @@ def largest_stiffness(elastic: Model) -> float:
 
 
 def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
-    """Return the number of negative eigenvalues of a symmetric matrix of a body, by one LDL^T
-    factorisation with MUMPS, and if there are any an unstable direction, shape (rows of this
-    rank,); it is destroyed; collective.
+    """Return the number of negative eigenvalues of a symmetric matrix, by an LDL^T factorisation
+    with MUMPS, and an unstable direction, shape (rows of this rank,), zero if there is none;
+    collective.
+
+    The matrix is destroyed.
     """
     preconditioner, negative = with_inertia(matrix)
     comm, (x, y), own = (
@@ -221,8 +230,10 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
 
 
 def overlap(foundations: MovingFoundations, last: State) -> str:
-    """Name the overlap of the body and shapes, since the ``last`` solution, or else since they were
-    given outside of the body; collective.
+    """Return the overlap of the body with a shape as text, or ""; collective.
+
+    It is at the end of the step or on the way from the ``last`` solution.  In the first step,
+    shapes that were inside the body from the beginning are not followed on the way.
     """
     cells = foundations.cells
     now = cells.placed(foundations.at.x.array)
@@ -241,17 +252,20 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
 
 
 def corner_inside(foundations: MovingFoundations, boundary: ContactBoundary) -> str:
-    """Name a corner of a shape inside the displaced body between its nodes; collective."""
+    """Return which corner of a shape is inside the displaced body between its nodes, as text, or
+    ""; collective.
+    """
     deep = deepest_corner(foundations.placed_shapes, foundations.at, (), boundary)
     return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
 
 
 def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
-    """Name the overlap of pairs, since the ``last`` solution, or what there is before; collective.
+    """Return the overlap of sliding pairs as text, or ""; collective.
 
-    The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and
-    on the straight way to it.  Chords leave them there by up to ``SHAPE_INSIDE`` of a facet of the
-    other side, at the end within reach.
+    The nodes of each side are searched for in the cells of other pieces of the mesh, at the end of
+    the step and on the straight way from the ``last`` solution.  Because sides are chords, nodes
+    may be inside by up to ``SHAPE_INSIDE`` of a facet of the other side, at the end by at most the
+    reach of the contact.
     """
     if not foundations.sliding:
         return ""
@@ -274,7 +288,7 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
         of_node = pair.sides.gathered(nodal[:owned])[:, 0]
         added = max(parallel.largest(comm, foundations.given_gap(number)[pair.local_points]), 0.0)
         for share in np.arange(1, steps + 1) / steps:
-            # Contact at the end would not see what is deeper than its reach.
+            # At the end, contact does not find points that are deeper than its reach.
             seen = pair.reach if share == 1.0 else math.inf
             places = (1.0 - share) * then + share * now
             at = pair.sides.gathered(np.ascontiguousarray(places[:owned]))
@@ -286,8 +300,14 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
 
 
 def _within(cells: BodyCells, places: Array, piece: Ints, at: Array, of_node: Array) -> Flags:
-    """Return which points, of the pieces ``of_node``, are in a cell of this rank that belongs to
-    another piece, shape (m,).
+    """Return the flags of points that are in a cell of this rank of another piece, shape (m,).
+
+    Args:
+        cells: the cells.
+        places: displaced nodes.
+        piece: piece of each cell.
+        at: the points, shape (m, d).
+        of_node: piece of each point, shape (m,).
     """
     within = np.zeros(len(at), dtype=bool)
     corners = cells.corners(places)
@@ -307,9 +327,15 @@ def _within(cells: BodyCells, places: Array, piece: Ints, at: Array, of_node: Ar
 def _deepest(
     sides: FacingSides, at: Array, within: Flags, at_most: float, added: float
 ) -> InsideBody | None:
-    """Return the deepest node too deep in the other body, along the normal there.
+    """Return the node that is deepest in the other body, along the normal there, or None if none is
+    too deep.
 
-    ``added``: to the distance, length.
+    Args:
+        sides: both sides of the pair.
+        at: displaced nodes of both sides.
+        within: flags of nodes in the other body.
+        at_most: the largest depth that is allowed, length.
+        added: length that is added to the distance.
     """
     halves = np.split(np.arange(len(at)), [sides.slave.nodes.size])
     deepest = None
