@@ -1,6 +1,6 @@
-"""What acts in a scene, its cost and its mistakes, before the scene is solved.
+"""The check of a scene before it is solved: its loads and supports, its cost and its mistakes.
 
-No stiffness is assembled.  Loads and contact boundaries are assembled as the solver does, so that
+No stiffness is assembled.  Loads and contact boundaries are assembled as in the solver, so that
 every error that it would find in the scene or its mesh is found here.
 """
 
@@ -33,8 +33,7 @@ from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand,
 from signorini_fx.solving.uniqueness import uniqueness_findings
 from signorini_fx.tuned import MEMORY_SHARE, NEXT_ERROR, NO_FORCE
 
-# Entries of a list, and characters of an expression, that are shown; columns of the labels of the
-# text.
+# Number of list entries or characters of an expression that are shown; width of labels.
 _MOST_SHOWN, _LABEL = 30, 12
 
 
@@ -42,9 +41,9 @@ _MOST_SHOWN, _LABEL = 30, 12
 class Check:
     """The result of ``check_scene``."""
 
-    title: str  # of the scene
-    acts: tuple[str, ...]  # what acts, each in words
-    cost: Cost  # an estimate
+    title: str  # title of the scene
+    acts: tuple[str, ...]  # loads, supports and contacts, each as text
+    cost: Cost  # estimated cost
     findings: tuple[Finding, ...] = field(default=())  # warnings and notes
 
     @property
@@ -53,18 +52,21 @@ class Check:
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything, ready for JSON."""
+        """Return everything as a dictionary, ready for JSON."""
         return asdict(self)
 
 
 def check_scene(
     scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bool = False
 ) -> Check:
-    """Validate a scene together with its mesh, and report what acts; collective, the same on every
-    rank.
+    """Validate a scene together with its mesh, and report what acts; collective, with the same
+    result on every rank.
 
-    With ``uniqueness`` also below which friction coefficient there is one solution, which takes a
-    factorisation.
+    Args:
+        scene: the scene.
+        comm: the ranks that share the work.
+        uniqueness: whether to find also below which friction coefficient there is only one
+            solution, which takes a factorisation.
     """
     petsc_options.refuse_exchanged()
     scene = as_scene(scene, comm)
@@ -99,15 +101,15 @@ def check_scene(
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:
-    """Return the body of a scene with the cells and elements that its solve takes, after all checks
-    of the solver.
+    """Return the model of a scene, with the cells and elements that its solve begins with, after
+    all checks of the solver.
     """
     first = scene
     if scene.accuracy is not None:
         from signorini_fx.scenes.mesh_sequence import planned
 
         first = planned(scene, scene.accuracy, comm).scene
-        # Generated meshes are coarser ones to begin with.
+        # Refinement begins with a coarser generated mesh.
         first = scene_on(first, 1.0) if first.statement.generated else first
     model = prepare(first.statement, load_mesh(first, comm), Timings())
     refuse_beforehand(model)
@@ -115,9 +117,11 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
 
 
 def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
-    """Return the loads, supports and contacts of a scene in words; collective.
+    """Return the loads, supports and contacts of a model as text; collective.
 
-    ``compared``: whether there are several meshes.
+    Args:
+        model: the model.
+        compared: whether several meshes are compared.
     """
     statement = model.statement
     first, reduced = _body(model)
@@ -150,7 +154,9 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
 
 
 def _body(model: Model) -> tuple[str, bool]:
-    """Return the body in words, and whether its volume is integrated with fewer points."""
+    """Return the description of the body, and whether its volume terms are integrated with fewer
+    points.
+    """
     statement = model.statement
     if not statement.nonlinear:
         return f"elasticity ({model.kinematics.words})", model.scene_law.reduced is not None
@@ -166,7 +172,7 @@ def _body(model: Model) -> tuple[str, bool]:
 
 
 def _contacts(model: Model) -> list[str]:
-    """Contact boundaries with their nodes, gaps and friction."""
+    """Return descriptions of the contact boundaries with their nodes, gaps and friction."""
     if model.boundary is None:
         return []
     acting = []
@@ -187,12 +193,12 @@ def _contacts(model: Model) -> list[str]:
     return acting
 
 
-# The keys that tell entries apart, and those by which load steps follow each other.
+# Keys that name an entry or its load steps and are not listed as values.
 _NAMES = ("boundary", "at", "region", "section", "law", "shape", "hypothesis", "torsion", "factors")
 
 
 def given_in_words(table: Table) -> str:
-    """Return the given values of an entry of a scene in words."""
+    """Return the values that an entry of a scene sets, as text."""
     keys = [
         key
         for key in type(table).model_fields
@@ -204,7 +210,7 @@ def given_in_words(table: Table) -> str:
 
 
 def _in_words(value: Any) -> str:
-    """Return a value, without its end where it is long."""
+    """Return a value as text, shortened if it is long."""
     match value:
         case bool():
             return "yes" if value else "no"
@@ -221,7 +227,7 @@ def _in_words(value: Any) -> str:
 
 
 def _gaps(model: Model, index: int) -> str:
-    """Return the smallest and the largest gap of one contact in words; collective."""
+    """Return the smallest and the largest gap of one contact as text; collective."""
     assert model.boundary is not None
     assert model.data is not None
     gaps = model.data.gap[model.boundary.part == index]
@@ -233,9 +239,11 @@ def _gaps(model: Model, index: int) -> str:
 
 
 def text_of(check: Check, *, verbose: bool) -> str:
-    """Return what acts, the cost, and the findings of a scene, in 80 columns.
+    """Return the report of a check as text in 80 columns: what acts, the cost, and the findings.
 
-    ``verbose``: also the linear algebra.
+    Args:
+        check: the check.
+        verbose: whether to add the linear algebra.
     """
     cost = check.cost
     low, high = cost.linear_solves

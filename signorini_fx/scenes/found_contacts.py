@@ -1,5 +1,5 @@
-"""Contacts that a file of several bodies suggests, as entries of a scene, and a scene to begin with
-for a drawing or a mesh.
+"""Contacts that a mesh of several bodies suggests, as entries of a scene, and a first scene for a
+drawing or a mesh.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
     from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
-# The lines between which a scene has the entries that are found anew.
+# The lines that enclose the entries that a new search replaces.
 _FIRST = "# --- contacts found by signorini-fx contacts; a new search replaces what is between ---"
 _LAST = "# --- end of the contacts found ---"
 _SIDES = ("boundary", "against")
 _MILLIMETRES = '{ length = "mm", stress = "MPa", force = "N" }'
 _FRICTION = '{ law = "coulomb", coefficient = 0.1 }'
-# The numbers of boundaries of drawings, and of groups without a name.
+# Names with numbers: boundaries of drawings, and groups without a name.
 _NUMBERED = re.compile(r"boundary_(\d+)")
 
 
@@ -44,8 +44,8 @@ def contacts_of(mesh: MeshFile, within: float | None = None) -> Proposals:
     """Return the contacts that a file suggests, see ``proposed_contacts``.
 
     Raises:
-        MeshError: the file cannot be read, or is one body.
-        SceneError: a length cannot be had.
+        MeshError: the file cannot be read, or is a single body.
+        SceneError: the mesh has no edge lengths for a default distance.
     """
     found = proposed_contacts(read_file(mesh), within)
     if len(found.bodies) < 2:
@@ -58,7 +58,7 @@ def contacts_of(mesh: MeshFile, within: float | None = None) -> Proposals:
 
 
 def in_words(found: Proposals) -> list[str]:
-    """Return a line for each contact, with its kind, its mean gap and its area."""
+    """Return a line of text for each contact, with its kind, mean gap and area."""
     if len(found.bodies) == 1:
         return ["one body"]
     bodies = ", ".join(found.bodies[:12]) + ", ..." * (len(found.bodies) > 12)
@@ -80,10 +80,14 @@ def in_words(found: Proposals) -> list[str]:
 
 
 def as_entries(contacts: Sequence[ProposedContact], *, in_rows: bool = False) -> str:
-    """Return the contacts as entries of a scene file, in TOML: tables, or rows of a list.
+    """Return the contacts as entries of a scene file, in TOML.
 
-    Where one round side sits in the other, their distance is stated: facets leave arcs, so that
-    the distance of the meshes is another one.
+    Where a round side sits in another one, the distance is stated, as facets deviate from arcs and
+    the distance of the meshes differs.
+
+    Args:
+        contacts: the contacts.
+        in_rows: whether to write rows of a list instead of tables.
     """
     entries = []
     for contact in contacts:
@@ -102,18 +106,19 @@ def as_entries(contacts: Sequence[ProposedContact], *, in_rows: bool = False) ->
 
 
 def _side(contact: ProposedContact, number: int) -> str:
-    """Return the name of a side in a scene: of its boundary, or one for several."""
+    """Return the name of a side in a scene: that of its boundary, or a joint name for several."""
     names = contact.sides[number]
     return names[0] if len(names) == 1 else f"{contact.name}_on_{contact.bodies[number]}"
 
 
 def _quoted(text: str) -> str:
-    """Return a text as TOML has it, in which quotes and backslashes are escaped as in JSON."""
+    """Return a text as a TOML string, escaped as in JSON."""
     return json.dumps(text, ensure_ascii=False)
 
 
 def joined_boundaries(contacts: Sequence[ProposedContact]) -> dict[str, list[int]]:
-    """Return the numbers of the boundaries of sides that consist of several, by their names.
+    """Return the numbers of the boundaries of sides that consist of several, by the name of the
+    side.
 
     Raises:
         MeshError: a boundary has no number.
@@ -134,7 +139,7 @@ def joined_boundaries(contacts: Sequence[ProposedContact]) -> dict[str, list[int
 
 
 def mesh_entry(mesh: MeshFile, folder: Path, contacts: Sequence[ProposedContact]) -> str:
-    """Return the entry ``mesh`` of a scene in a folder, in TOML."""
+    """Return the entry ``mesh`` of a scene file in ``folder``, in TOML."""
     parts = [f"file = {_quoted(os.path.relpath(mesh.file, folder))}"]
     if mesh.size is not None:
         parts.append(f"size = {mesh.size:g}")
@@ -145,11 +150,12 @@ def mesh_entry(mesh: MeshFile, folder: Path, contacts: Sequence[ProposedContact]
 
 
 def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) -> str:
-    """Return the text of a scene with the contacts that it does not state itself, in place of those
-    that an earlier search has written.
+    """Return the text of a scene with the contacts that it does not state itself.
+
+    They replace those that an earlier search has written.
 
     Raises:
-        SceneError: the text is no scene, or lacks names of boundaries that several contacts need.
+        SceneError: the text is no scene, or lacks names of boundaries that the contacts need.
     """
     before, found, rest = text.partition(_FIRST)
     own = before + rest.partition(_LAST)[2] if found else text
@@ -181,16 +187,16 @@ def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) ->
 
 
 def _rows(contacts: Sequence[ProposedContact]) -> str:
-    """Return what a search has found as rows of a list, between its first and last line."""
+    """Return found contacts as rows of a list, between the lines that enclose a search."""
     return f"{_FIRST}\n{as_entries(contacts, in_rows=True)}\n    {_LAST}"
 
 
 def with_found_contacts(scene: Scene, comm: MPI.Comm) -> Scene:
-    """Return a scene in which contacts that its mesh suggests stand in place of
-    ``general_contact``; collective.
+    """Return the scene with the contacts that its mesh suggests, in place of ``general_contact``;
+    collective.
 
     Raises:
-        SceneError: it names bodies that are not there, or a contact cannot be stated.
+        SceneError: ``general_contact`` names unknown bodies, or a contact cannot be stated.
     """
     from signorini_fx.mechanics.mesh.tagged import arrays_of
     from signorini_fx.scenes.mesh import load_mesh
@@ -202,7 +208,9 @@ def with_found_contacts(scene: Scene, comm: MPI.Comm) -> Scene:
 
 
 def _entries_of(scene: Scene, mesh: MeshArrays) -> list[Contact]:
-    """Return the contacts of a mesh that a scene asks for and does not state itself."""
+    """Return the contacts of a mesh that ``general_contact`` covers and the scene does not
+    state.
+    """
     general = scene.general_contact
     assert general is not None
     found = proposed_contacts(mesh, general.within)
@@ -226,7 +234,7 @@ def _entries_of(scene: Scene, mesh: MeshArrays) -> list[Contact]:
 
 
 def _entry(contact: ProposedContact, general: GeneralContact, *, nonlinear: bool) -> Contact:
-    """Return a contact that was found as an entry of a scene."""
+    """Return a found contact as an entry of a scene."""
     if contact.shared:
         reason = (
             f"both sides of {contact.name} are sides of other contacts, too, and a boundary "
@@ -248,7 +256,7 @@ def propose_contacts(tagged: TaggedMesh, within: float | None = None) -> list[Co
 
     Args:
         tagged: the mesh, whose surfaces in contact have names.
-        within: distance up to which surfaces are near, length; None: a quarter of a facet.
+        within: distance up to which surfaces count as near, length; None: a quarter of a facet.
 
     Raises:
         SceneError: two bodies share a boundary with others on both sides.
@@ -272,7 +280,7 @@ def propose_contacts(tagged: TaggedMesh, within: float | None = None) -> list[Co
 def _not_stated(
     entries: Sequence[Contact], mesh: MeshArrays, found: Proposals
 ) -> Iterator[ProposedContact]:
-    """Yield the contacts found that no entry of a scene names."""
+    """Yield the found contacts that no entry of the scene covers."""
 
     def meet(stated: str | None, names: Sequence[str]) -> bool:
         listed = str(stated).split(JOIN)
@@ -290,8 +298,8 @@ def _not_stated(
 
 
 def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Finding]:
-    """Yield a finding for each pair of surfaces of two bodies that touch or nearly do, and that no
-    contact of a scene names.
+    """Yield a finding for each pair of surfaces of two bodies that touch or nearly touch, but have
+    no contact in the scene.
     """
     for contact in _not_stated(entries, mesh, proposed_contacts(mesh)):
         sides = [
@@ -310,8 +318,10 @@ def scene_of(mesh: MeshFile, arrays: MeshArrays, file: Path) -> str:
     """Return the text of a scene for a drawing or a mesh, in which the user fills in materials,
     supports and loads.
 
-    ``arrays``: the mesh.
-    ``file``: of the scene.
+    Args:
+        mesh: the file of the mesh.
+        arrays: the mesh that was read from it.
+        file: the file of the scene.
     """
     found = proposed_contacts(arrays)
     contacts = found.contacts

@@ -1,4 +1,4 @@
-"""The mesh of a scene, of all bodies in one, and the scene on larger or smaller cells."""
+"""The mesh of a scene, with all of its bodies, and the scene with larger or smaller cells."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from signorini_fx.scenes.scene import Scene
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """Return the mesh that a scene names, or that its bodies make together, with the boundaries
-    that it joins; collective.
+    """Return the mesh of a scene, or of its bodies together, with the boundaries that its contacts
+    join; collective.
     """
     tagged = _loaded(scene, comm)
     for contact in scene.contact:
@@ -33,7 +33,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 
 def _loaded(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """Return the mesh as its sources give it; collective."""
+    """Return the mesh from the sources of the scene; collective."""
     if scene.body:
         made = (
             mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True)
@@ -51,9 +51,10 @@ def _loaded(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 
 def with_cells_alike(scene: Scene, comm: MPI.Comm) -> Scene:
-    """Return the scene with one kind of cell for all generators of several bodies: that which it
-    gives one of them, or that of a mesh with cells, otherwise the first of their own ones that all
-    can make; collective.
+    """Return the scene with the same kind of cell for all mesh generators; collective.
+
+    It is the kind that the scene gives to one of them, or that of a mesh with given cells,
+    otherwise the first default that all generators can make.
     """
     able = dict[int, tuple[str, ...]]()
     meshes = scene.meshes
@@ -84,8 +85,13 @@ def with_cells_alike(scene: Scene, comm: MPI.Comm) -> Scene:
 
 
 def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 0) -> TaggedMesh:
-    """Return the mesh of one of several bodies, None: the only one; of a file with its sides halved
-    that many times.
+    """Return the mesh of one body; collective.
+
+    Args:
+        scene: the scene.
+        number: number of the body; None: the scene has only one mesh.
+        comm: the ranks.
+        halvings: how often the cell sides of a file are halved.
     """
     source = scene.mesh if number is None else scene.body[number].mesh
     sizes = contact_sizes(scene, number)
@@ -111,16 +117,15 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:
-    """Return the scene on a mesh with elements ``factor`` times as large."""
+    """Return the scene on a mesh with cells ``factor`` times as large."""
     scene = scene.model_copy(update={"contact": with_larger_contact_sizes(scene.contact, factor)})
     return scene.with_meshes(mesh.coarser(factor) for mesh in scene.meshes)
 
 
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
-    """Return the scene with the sides of all cells of all of its bodies halved that many times;
-    collective.
+    """Return the scene with the cell sides of all bodies halved ``halvings`` times; collective.
 
-    Generators and drawings make new cells on the true shape, cells of other files are divided on
+    Generators and drawings make new cells on the true shape; cells of other files are divided on
     their own geometry.
     """
     halved = []
@@ -139,8 +144,8 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
-    """Return the scene on at most ``levels - 1`` coarser meshes, each with elements twice as large
-    as the next.
+    """Return the scene on at most ``levels - 1`` coarser meshes, from the coarsest on, each with
+    cells twice as large as the next.
     """
     if levels == 1:
         return []

@@ -1,8 +1,7 @@
-"""A scene on one mesh after the other: how it is refined for a requested accuracy, and how each is
-made.
+"""A scene on a sequence of meshes: the choice of the refinement for a requested accuracy, and the
+meshes.
 
-Cells and elements that were found to be cheaper may take the place of the scene's; in 3D cells
-stay.
+Cells and elements that were found to be cheaper may replace those of the scene; in 3D cells stay.
 """
 
 from __future__ import annotations
@@ -48,21 +47,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """The plan by which a scene is refined."""
+    """How the mesh of a scene is refined."""
 
-    # with the elements that are to be used; its mesh comes from a generator, from a file all of
-    # whose cells are divided, or consists of triangles or tetrahedra that are divided
+    # the scene with the elements to use; its mesh is a generator, a file all of whose cells are
+    # divided, or a mesh of triangles or tetrahedra that are divided
     scene: Scene
     adaptive: bool  # whether cells become smaller where the error is large
     polygonal: bool = False  # whether straight facets stay although the shape may be curved
-    geometry: int | None = None  # degree of the geometry of a file's mesh; None: as the file has it
-    # whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are
-    # divided
+    geometry: int | None = None  # geometric degree of a file's mesh; None: that of the file
+    # whether gmsh remakes the mesh with smaller cells where the error is large; otherwise triangles
+    # or tetrahedra are divided
     remade: bool = False
 
 
 _SOLIDS = {"tetrahedron", "hexahedron"}
-# What can be divided in place of cells that cannot.
+# Cells that can be divided, in place of those that cannot.
 _SIMPLEX = {
     "quadrilateral": ("quadrilaterals", "triangle"),
     "hexahedron": ("hexahedra", "tetrahedron"),
@@ -70,8 +69,9 @@ _SIMPLEX = {
 
 
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """Return how to refine the mesh of a scene; cells on arcs are not divided: they would converge
-    to that on a polygon.
+    """Return how to refine the mesh of a scene; collective.
+
+    Cells on arcs are not divided: they would converge to the solution on a polygon.
     """
     requested = goal
     if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
@@ -94,8 +94,10 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
 
 
 def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygonal: bool) -> Plan:
-    """Straight cells are divided, where the error is if they are triangles or tetrahedra."""
-    check_divisible(tagged)  # before hours are spent on the first mesh
+    """Return the plan for straight cells: triangles and tetrahedra may be divided where the error
+    is large.
+    """
+    check_divisible(tagged)  # before a long solve on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
     # Elements of degree 2 are cheaper; in 3D the error of a force on them is not known.
     takes = goal.refinement == "auto" and goal.of in (
@@ -106,8 +108,8 @@ def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygona
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
-    """Return the plan for cells that gmsh makes anew; None: of one straight body divided ones
-    change less.
+    """Return the plan for a mesh that gmsh remakes, or None if it cannot, or if it is one straight
+    body, whose cells are better divided; collective.
     """
     if not scene.statement.remade:
         return None
@@ -130,8 +132,8 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
 
 
 def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
-    """Several bodies as one mesh of straight triangles that can be divided, or None if some have
-    arcs or other cells.
+    """Return the scene with several bodies as one mesh of straight triangles, which can be divided;
+    None if some have arcs or other cells; collective.
     """
     meshes = scene.meshes
     for number, mesh in enumerate(meshes):
@@ -143,7 +145,7 @@ def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
             return None
     try:
         tagged = load_mesh(scene.with_meshes(meshes), comm)
-    except MeshError:  # some have other cells
+    except MeshError:  # some bodies have other cells
         return None
     straight = not curvature(tagged) > SAME_LENGTH * tagged.size
     return (
@@ -154,7 +156,7 @@ def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
 
 
 def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
-    """Return the scene on other cells, of several bodies on those of all of them."""
+    """Return the scene with this mesh, which has the cells of all bodies."""
     if not scene.body:
         return scene.model_copy(update={"mesh": tagged})
     contacts = tuple(contact.model_copy(update={"contact_size": None}) for contact in scene.contact)
@@ -162,8 +164,8 @@ def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
 
 
 def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
-    """Return all cells of all bodies become smaller together; those of generators with arcs are as
-    for one body.
+    """Return the plan for several bodies: all cells are refined together; meshes of generators with
+    arcs may be curved as for one body.
     """
     for number, body in enumerate(scene.body):
         if isinstance(body.mesh, TaggedMesh):
@@ -176,8 +178,8 @@ def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
 
 
 def _curved(scene: Scene, goal: Accuracy) -> Scene:
-    """Return the scene in 2D with elements and cells of degree 2, if generators with arcs make all
-    meshes; otherwise the scene itself.
+    """Return the 2D scene with elements and cells of degree 2 if generators with arcs make all
+    meshes, otherwise the scene itself.
     """
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return scene
@@ -191,8 +193,8 @@ def _curved(scene: Scene, goal: Accuracy) -> Scene:
 
 
 def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
-    """Return whether cells are divided where the error is: if the scene requires it, or leaves the
-    choice and it is possible.
+    """Return whether cells are divided where the error is large: if the scene requires it, or if it
+    is possible and the choice is left open.
     """
     able = goal.refinement == "auto" and divides(scene.statement, goal.of, cell, straight=straight)
     return goal.refinement == "adaptive" or able
@@ -223,7 +225,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         local = _divides(goal, scene, cell, straight=triangles is not None)
         takes = local and goal.refinement == "auto" and goal.of == "energy"
         return Plan(_of_degree_2(scene) if takes else scene, local)
-    if triangles is None:  # arcs, with cells of degree 2 on them, and all of them smaller
+    if triangles is None:  # with arcs: cells of degree 2, all refined
         return Plan(_curved(scene, goal), adaptive=False)
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return Plan(scene, goal.refinement == "adaptive")
@@ -231,7 +233,9 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones
+    """Return the plan for the mesh of a file; collective.
+
+    Curved sides must stay curved, so all of their cells are divided: dolfinx bisects straight cells
     only.
     """
     drawn = file.drawn
@@ -264,10 +268,11 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedScene(MeshedProblem):
-    """A scene on one of several meshes.
+    """A scene on one mesh of a sequence.
 
     Attributes:
-        plan: how it is refined for an accuracy.
+        scene: the scene on this mesh.
+        plan: how it is refined for an accuracy; None: it is not.
     """
 
     scene: Scene
@@ -318,8 +323,8 @@ class MeshedScene(MeshedProblem):
         return SolvedMesh(solution, solution.model.tagged, task, outcome, step_errors=step_errors)
 
     def keeping(self, solved: SolvedMesh) -> Self:
-        """Return the contact points of pairs stay on the sides that were chosen on the first mesh:
-        forces have their sign.
+        """Return the scene with the contact points of pairs on the sides that the first mesh has
+        chosen, so that forces keep their sign.
         """
         if solved.solution.statement.sides[1] is None:
             return self
@@ -385,8 +390,9 @@ class MeshedScene(MeshedProblem):
 
 
 def _errors_of_nonlinear(problem: ProblemOfForms, solution: Solution) -> list[Errors]:
-    """Return the errors after the last load step, of contact none where cells lock: estimates were
-    up to 30 times too small.
+    """Return the error estimates after the last load step.
+
+    Without those of contact if cells lock: there they were up to 30 times too small.
     """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
@@ -400,15 +406,15 @@ def _errors_of_nonlinear(problem: ProblemOfForms, solution: Solution) -> list[Er
 
 
 def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
-    """Return the meshes of a scene on the way to an accuracy."""
+    """Return the sequence of meshes of a scene for an accuracy; collective."""
     plan = planned(scene, goal, comm)
     generated = plan.scene.statement.generated
     any_jump = plan.scene.statement.generated and not plan.adaptive
     made = (
         any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)
     )
-    # How many times larger the first cells are: coarse nodes are nodes of the scene's mesh, as
-    # where a load jumps.
+    # How many times larger the first cells are: coarse nodes coincide with nodes of the scene's
+    # mesh, for example where a load jumps.
     first = float(COARSER_START[plan.scene.element.degree])
     problem = MeshedScene(
         comm=comm,

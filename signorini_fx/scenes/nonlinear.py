@@ -1,6 +1,6 @@
 """A scene with nonlinear materials: its residual, its load steps and its solution.
 
-Supports, loads and contact are assembled as for the linear body that it is at small strains.
+Supports, loads and contact are assembled for the linear body that it is at small strains.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Contact
     from signorini_fx.mechanics.laws.protocol import FrictionLaw
 
-# Settings that a nonlinear problem has not, with the values that change nothing.
+# Settings that nonlinear problems do not have, with their neutral values.
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 
 
-# Cells that are turned inside out, or a displacement without end, where strains are small ones.
+# Advice for inverted cells or a diverging displacement with small-strain materials.
 _RAN_AWAY = (
     "the displacement that was tried is far beyond small strains, as where all of a section "
     "yields and carries no larger load: take smaller load steps, prescribe a displacement where a "
@@ -77,7 +77,7 @@ def build_problem(
     history: History,
     effects: Sequence[StepEffect] = (),
 ) -> ProblemOfScene:
-    """Return the problem of a scene on its mesh, with effects in time beside those of its entries;
+    """Return the problem of a scene on its mesh, with the effects of its entries and further ones;
     collective.
     """
     timings = Timings()
@@ -88,7 +88,7 @@ def build_problem(
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
-    """Return the body that a scene is at small strains, on its mesh, after all checks;
+    """Return the linear body of a scene at small strains, on its mesh, after all checks;
     collective.
     """
     with timings.phase("mesh"):
@@ -115,12 +115,12 @@ class ProblemOfScene(NonlinearContactProblem):
     """The nonlinear problem of a scene on its mesh."""
 
     statement: Statement  # the scene
-    model: Model  # the linear body that it is at small strains, with its loads and supports
-    body: BodyResidual  # its residual
-    path_step = -1.0  # the place in the lists of factors where it is
+    model: Model  # the linear body at small strains, with loads and supports
+    body: BodyResidual  # the residual of the body
+    path_step = -1.0  # the present place in the lists of factors
     _named_residual = "material"
-    _held: fem.Function  # the values of supports
-    _first: State  # before the first load step
+    _held: fem.Function  # prescribed displacements
+    _first: State  # the state before the first load step
 
     def __init__(
         self,
@@ -132,11 +132,16 @@ class ProblemOfScene(NonlinearContactProblem):
     ) -> None:
         """Build the problem of a statement; collective.
 
-        ``timings``: of what was done before.
+        Args:
+            statement: the scene.
+            model: its linear body at small strains.
+            history: records of solves, which are continued.
+            effects: effects from load step to load step.
+            timings: times of the preceding work.
         """
         space = model.space
         tagged = model.tagged
-        # The contact points of pairs are on the sides that have been chosen for the body.
+        # The contact points of pairs are on the sides that the linear body has chosen.
         sides = zip(statement.contact, model.contacts, strict=True)
         chosen = [entry.on_sides_of(one) for entry, one in sides]
         statement = statement.changed(contact=tuple(chosen))
@@ -149,7 +154,7 @@ class ProblemOfScene(NonlinearContactProblem):
         }
         drives = _drives_at(
             statement, tagged.dimension, statement.steps - 1
-        )  # of which some may not be possible
+        )  # some of which may not be possible
         begins = foundations_of(statement.contacts_at(0), statement.kinematics, on, masters)
         contact = [
             replace(entry, shape=drives[k]) if k in drives else entry
@@ -206,7 +211,7 @@ class ProblemOfScene(NonlinearContactProblem):
         return self.statement.path
 
     def initial(self) -> State:
-        """Return the body before the first load step, without loads."""
+        """Return the state before the first load step, without loads."""
         return self._first
 
     def _step_to(self, state: State, time: float) -> tuple[float, float]:
@@ -221,8 +226,18 @@ class ProblemOfScene(NonlinearContactProblem):
         on_step: Callable[[StepResult], object] = lambda step: None,
         begin: State | None = None,
     ) -> Solution:
-        """Return the solution of all load steps after a state, None: of all, or of those before one
-        that has none: of the first one the body as it was before; collective.
+        """Return the solution of all load steps after a state; collective.
+
+        If a step fails, it has the load steps before; if the first one fails, the body before it.
+
+        Args:
+            stored: the checkpoint; None: there is none.
+            on_step: called with the result of each load step that has a solution.
+            begin: the state after which load steps begin; None: the state before the first one.
+
+        Raises:
+            ConvergenceError: the first step fails, and the body cannot be shown either.
+            SceneError: the problem is wrong.
         """
         failures = list[Finding]()
         way = HalvedIncrements(self.path)
@@ -238,7 +253,7 @@ class ProblemOfScene(NonlinearContactProblem):
         except FormError as error:
             raise _of_scene(error) from None
         if why:
-            if self._solver.solved is None:  # not even the body before the first one can be shown
+            if self._solver.solved is None:  # the body before the first step cannot be shown either
                 raise ConvergenceError(self, f"{why}: {advice}")
             ended = motion_in_words(self._solver.verdict.cause)
             failures.append(Finding("warning", "load_steps", why, ended))
@@ -280,14 +295,14 @@ class ProblemOfScene(NonlinearContactProblem):
         )
 
     def _named(self, step: StepResult) -> StepResult:
-        """Return a load step whose rigid bodies have the names of the scene."""
+        """Return the load step with the scene's names for its rigid bodies."""
         named = zip(step.rigid_bodies, self.statement.rigid_bodies, strict=True)
         return replace(
             step, rigid_bodies=tuple(replace(motion, body=body) for motion, body in named)
         )
 
     def go_to(self, path_step: float) -> None:
-        """Loads, supports and foundations of a place in the lists of factors; collective."""
+        """Set loads, supports and foundations to a place in the lists of factors; collective."""
         self.path_step = path_step
         held = held_at(self.model, path_step)
         if held is not self.model:
@@ -323,20 +338,20 @@ class ProblemOfScene(NonlinearContactProblem):
         return linearised_at(self._solver, self.linear)
 
     def begin_at(self, path_step: float) -> None:
-        """Go to a place, from which slips count; collective."""
+        """Go to a place on the load path, and count slips from there; collective."""
         self.go_to(path_step)
         self.linear.begin = self.linear.initial()
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
-        """Minus the residual of the body in another scene, without states, at this place, forces
-        (owned dofs,).
+        """Return minus the residual of the body with another statement, at the present place and
+        without material history, forces of shape (owned dofs,).
         """
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
         return -anew.residual(displacement, self.path_step)
 
     def _too_large(self) -> str:
-        """Return why the deformation is too large for a material of small strains; "" if
-        it is not.
+        """Return by how much the deformation is too large for materials of small strains, as text,
+        or "".
         """
         if self.statement.finite_strains:
             return ""
@@ -347,7 +362,9 @@ class ProblemOfScene(NonlinearContactProblem):
         return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
 
     def _loaded(self) -> Indices:
-        """Return the loaded facets; forces that keep their direction count, which are not in F."""
+        """Return the loaded facets, including those of loads with a fixed direction, which are not
+        in F.
+        """
         named = [
             load.where
             for load in self.statement.of(ForceDensity)
@@ -356,7 +373,7 @@ class ProblemOfScene(NonlinearContactProblem):
         return np.concatenate([super()._loaded(), *map(self.model.tagged.facets, named)])
 
     def _move(self, contacts: Sequence[Contact]) -> None:
-        """Put the foundations where contacts have them, and take their gaps and friction."""
+        """Set foundations, gaps and friction to those of the contacts."""
         for number, (entry, given) in enumerate(zip(contacts, self.statement.contact, strict=True)):
             if given.gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
@@ -370,13 +387,11 @@ class ProblemOfScene(NonlinearContactProblem):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneMechanics(NonlinearMechanics):
-    """The mechanics of a model whose loads and supports have names, and whose materials say its
-    stress.
+    """The mechanics of a nonlinear scene, whose loads and supports have names, and whose materials
+    give the stress.
     """
 
-    forces: (
-        NonlinearForces  # evaluates the forces and the stress of materials, and the forces of loads
-    )
+    forces: NonlinearForces  # evaluates internal forces, stresses and loads
 
     def stress(self, y: fem.Function, step: float) -> RawStresses:
         path = [(load_step.displacement, load_step.place) for load_step, _ in self.ends]
@@ -388,8 +403,8 @@ class SceneMechanics(NonlinearMechanics):
         )
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """Return the acting forces at a place; at small strains moments balance at the undeformed
-        points.
+        """Return the forces that act at a place on the load path; at small strains moments are
+        taken about undeformed points.
         """
         anew = self.forces
         displaced = self.statement.finite_strains
@@ -398,7 +413,7 @@ class SceneMechanics(NonlinearMechanics):
 
 
 def _cures(statement: Statement) -> dict[Status, str]:
-    """Return what to do about outcomes, by the materials and loads of a scene."""
+    """Return advice on outcomes that depends on the materials and loads of a scene."""
     laws = {getattr(material, "law", "") for material in statement.material}
     ways = ["allow smaller load steps", "refine the mesh"]
     if any(isinstance(load, ForceDensity) for _, load in statement.listed()):
@@ -419,8 +434,8 @@ def _cures(statement: Statement) -> dict[Status, str]:
 
 
 def _at_its_time(friction: Any) -> FrictionLaw:
-    """Return a friction law at a time, with functions of the place alone in place of expressions of
-    the time.
+    """Return a friction law with its expressions evaluated at the present time, as functions of the
+    position.
     """
     return friction.with_values(
         lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value
@@ -428,8 +443,8 @@ def _at_its_time(friction: Any) -> FrictionLaw:
 
 
 def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[int, Any]:
-    """Return shapes that forces move, by number of contact, with what drives them at a place as
-    numbers.
+    """Return the shapes that forces move, by number of contact, with the numbers that drive them at
+    a place on the load path.
     """
     shapes = dict[int, Any]()
     drives = statement.drives(dimension, path_step)
@@ -446,8 +461,8 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
 
 
 def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
-    """Return the supports of a body as conditions with the values of a Function, which change;
-    collective.
+    """Return the supports as Dirichlet conditions whose values are those of a Function, and this
+    Function; collective.
     """
     space = model.space
     size = model.space.dofmap.index_map_bs
@@ -457,13 +472,13 @@ def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
     for component in range(size):
         at = np.arange(component, fixed.size, size, dtype=np.int32)[fixed[component::size]]
         if parallel.any_rank(space.mesh.comm, at.size > 0):
-            pair: Any = [at, at]  # of the component and of the values
+            pair: Any = [at, at]  # dofs of the component and of the values
             conditions.append(fem.dirichletbc(values, pair, space.sub(component)))
     return values, conditions
 
 
 def _of_scene(error: FormError) -> SceneError:
-    """Return an error of a form with the keys of a scene."""
+    """Return the error of a form with the keys of a scene."""
     settings = SolverSettings.model_fields
     return SceneError(
         [

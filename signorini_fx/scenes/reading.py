@@ -23,7 +23,7 @@ from signorini_fx.scenes.scene import Scene
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-# Path of an entry, as messages name it -> its value.
+# Values by the paths of their entries, such as contact[0].gap.
 Changes = Mapping[str, Any]
 PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
 _PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
@@ -32,13 +32,15 @@ _PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 def parse_scene(
     data: Mapping[str, Any], source: str = "scene", folder: Path | None = None
 ) -> Scene:
-    """Return a validated scene from nested mappings, as ``tomllib`` gives them; a ``SceneError``
-    has all errors at once.
+    """Return a validated scene from nested mappings, such as those of ``tomllib``.
 
     Args:
         data: the scene.
         source: name of the scene in messages.
         folder: the folder that paths of files in the scene are relative to.
+
+    Raises:
+        SceneError: the data are wrong; it lists all errors.
     """
     try:
         scene = Scene.model_validate(dict(data))
@@ -65,7 +67,7 @@ def parse_scene(
 
 
 def _found_from(folder: Path, table: Any) -> Any:
-    """Return a table whose file, if it has one, is found from a folder."""
+    """Return the table with the path of its file, if it has one, relative to a folder."""
     file = getattr(table, "file", None)
     return table.model_copy(update={"file": folder / file}) if isinstance(file, Path) else table
 
@@ -82,10 +84,12 @@ def read_scene_text(path: Path) -> str:
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
-    """Return a validated scene from the text of the TOML file at ``path``, in which ``changes``
-    replace entries.
+    """Return a validated scene from the text of a TOML file.
 
-    Paths of mesh files are relative to the folder of this file.
+    Args:
+        text: the text.
+        path: the file, to whose folder paths of mesh files are relative.
+        changes: values that replace entries, by path.
     """
     try:
         data = tomllib.loads(text)
@@ -98,7 +102,7 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
 
 
 def _syntax(text: str, message: str) -> str:
-    """Return the message of a syntax error, with what to do where that is known."""
+    """Return the message of a syntax error, with a hint if the cause is known."""
     if complete := re.match(r"Cannot mutate immutable namespace \('(.*)',?\)(.*)", message):
         name = complete[1].replace("', '", ".")
         return (
@@ -109,9 +113,7 @@ def _syntax(text: str, message: str) -> str:
 
 
 def _unquoted(text: str, message: str) -> str:
-    """Return what to do if the line that is wrong has an expression without quotes; "" if it has
-    none.
-    """
+    """Return a hint if the wrong line has an expression without quotes, otherwise ""."""
     location = re.search(r"at line (\d+)", message)
     line = (
         text.splitlines()[int(location[1]) - 1]
@@ -147,9 +149,7 @@ def read_scene(path: str | Path) -> Scene:
 
 
 def _scene_of_file(path: Path, comm: MPI.Comm | None) -> Scene:
-    """Return the scene of a file, which one rank of several reads: it may not be the same for all,
-    or not be there for some; collective.
-    """
+    """Return the scene of a file; with ``comm``, the first rank reads it for all; collective."""
     if comm is None:
         return parse_scene_text(read_scene_text(path), path)
     from signorini_fx.machine import parallel
@@ -158,9 +158,12 @@ def _scene_of_file(path: Path, comm: MPI.Comm | None) -> Scene:
 
 
 def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
-    """Return a scene from a ``Scene``, the path of its file, or nested mappings; with the contacts
-    that its mesh suggests where it asks for them, and ``comm``, the ranks, are given: then
-    collective.
+    """Return a scene from a ``Scene``, the path of its file, or nested mappings.
+
+    Args:
+        scene: any of these.
+        comm: the ranks, if given: then the call is collective, meshes in memory are distributed,
+            and the contacts of ``general_contact`` are found.
     """
     match scene:
         case Scene():
@@ -192,8 +195,9 @@ def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
 
 
 def parsed_change(text: str) -> tuple[str, Any]:
-    """``PATH=VALUE``: the path, and the value as TOML has it; what is no TOML is a text, which
-    needs no quotes here.
+    """Return the path and the value of a text ``PATH=VALUE``.
+
+    The value is TOML, or otherwise a text, which needs no quotes.
     """
     path, equals, value_text = text.partition("=")
     path = path.strip()
@@ -210,13 +214,13 @@ def parsed_change(text: str) -> tuple[str, Any]:
 
 
 def way_of(path: str) -> list[str | int]:
-    """Return the keys and numbers in lists that a path leads through."""
+    """Return the keys and list indices along a path."""
     return [int(number) if number else name for name, number in _PATH_PART.findall(path)]
 
 
 def changed(data: Any, changes: Changes) -> Any:
-    """Return a scene as plain data, or a ``Scene``, of which plain data are made on the way, with
-    other entries; tables on the way that it does not have are made.
+    """Return a scene, given as plain data or a ``Scene``, with changed entries; missing tables are
+    added.
     """
     for path, value in changes.items():
         data = _with(data, way_of(path), value, "")
@@ -224,8 +228,13 @@ def changed(data: Any, changes: Changes) -> Any:
 
 
 def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
-    """Return the entry at a path, in which another value stands at the end of the way from
-    there.
+    """Return an entry in which ``value`` replaces what is at the end of the path ``way``.
+
+    Args:
+        entry: the entry.
+        way: keys and list indices.
+        value: the new value.
+        at: path of the entry, for messages.
     """
     if not way:
         return value
@@ -259,9 +268,7 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
 
 
 def _opened(entry: Any) -> Any:
-    """Return a validated table as plain data, with the keys that it has been given, and a tuple of
-    tables as a list.
-    """
+    """Return a validated table as a dictionary of the keys that were set, and a tuple as a list."""
     if isinstance(entry, BaseModel):
         fields = type(entry).model_fields
         given = entry.model_fields_set

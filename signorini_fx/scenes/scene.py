@@ -1,9 +1,9 @@
-"""The scene: its effects and their data.  No mesh, no forms; nothing here imports dolfinx.
+"""The scene: its effects and their data.  It has no forms, and nothing here imports dolfinx.
 
 A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in 3D, ``x[2]``
 (``expressions.Expression``), or in Python also a callable ``f(x)`` that maps points of shape (3, n)
-to values of shape (n,), or (tractions and body forces) a UFL expression.
-Any consistent units may be used: forces, lengths and stresses of one system.
+to values of shape (n,), or (tractions and body forces) a UFL expression. Any consistent units may
+be used: forces, lengths and stresses of one system.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 _Table = TypeVar("_Table")
 One = Accepts[_Table | Mapping[str, Any], _Table]
 Maybe = Accepts[_Table | Mapping[str, Any] | None, _Table | None]
-# A list of tables, for which a single one may stand.
+# A list of tables, or a single table.
 Many = Annotated[
     Accepts[_Table | Mapping[str, Any] | Sequence[_Table | Mapping[str, Any]], tuple[_Table, ...]],
     BeforeValidator(listed),
 ]
 _NO_TABLE: Any = None
 _NO_TABLES: Any = ()
-# The keys that are no effects and that a statement has as its own.
+# Keys that are not effects but fields of a statement.
 _SETTINGS = (
     "title",
     "incomplete",
@@ -57,8 +57,8 @@ _SETTINGS = (
 
 
 def _may_be_remade(mesh: OneMesh | None) -> bool:
-    """Return whether cells of other lengths may be made of a table ``mesh``; of most generators
-    only their modules know.
+    """Return whether the mesh may be made with other cell sizes; for most generators only their
+    modules can tell.
     """
     return (
         mesh.generator not in WITHOUT_ARCS
@@ -73,10 +73,10 @@ class Scene(Table):
 
     Attributes:
         title: any text.
-        incomplete: what is missing of what was meant, such as what a draft of a deck of another
-            program has lost; results say so until it is removed; default: nothing.
-        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of
-            the scene; None: that of ``body``.
+        incomplete: missing parts of the intended model, for example those that a draft from another
+            program's deck has lost; results say so until it is removed; default: nothing.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``, which sets the dimension
+            of the scene; None: each ``body`` has its own.
         body: several bodies in place of ``mesh``; default: none.
         element: degree and volumetric integration; default: degree 1, full.
         material: one for the body, or one for each named region.
@@ -85,13 +85,13 @@ class Scene(Table):
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
         general_contact: contact of all bodies that are near each other, see ``GeneralContact``;
-            None: there is none but that of ``contact``.
+            None: only that of ``contact``.
         fluid: pressures of fluids at rest, see ``Fluid``; default: none.
         force: total forces, each spread over a boundary, see ``Force``; default: none.
         gravity: accelerations, see ``Gravity``; default: none.
         heat: temperatures, fluxes, films and sources, see ``Heat``; default: none.
-        initial_temperature: see ``InitialTemperature``; default: that without strain.
-        inertia: of all bodies, with its time step, see ``Inertia``; default: none.
+        initial_temperature: see ``InitialTemperature``; default: the temperature without strain.
+        inertia: inertia of all bodies, with the time step, see ``Inertia``; default: none.
         initial_velocity: velocities at the first time, see ``InitialVelocity``; default: none.
         point_force: forces at nodes, see ``PointForce``; default: none.
         preload: tightened sections of bolts, see ``Preload``; default: none.
@@ -101,7 +101,7 @@ class Scene(Table):
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per
             factor.
         solver: algorithms, their parameters and limits.
-        accuracy: the accuracy to be reached by refinement; None: no refinement.
+        accuracy: the accuracy to reach by refinement; None: no refinement.
         units: names of units for labels.
 
     Examples:
@@ -147,7 +147,9 @@ class Scene(Table):
         return self
 
     def _contradictions(self, stated: Statement) -> Iterator[tuple[tuple[str | int, ...], str]]:
-        """Entries that do not go together, each alone fine: the place of the later one, and why."""
+        """Yield contradictions between entries that are each valid: the path of the later one, and
+        the reason.
+        """
         regions = [material.region for material in self.material]
         if (
             not regions
@@ -178,7 +180,7 @@ class Scene(Table):
                 if getattr(load, "factors", None)
             ]
             yield (), f"the lists of factors differ in length: {', '.join(counts)}"
-            return  # how many load steps there are is not known
+            return  # the number of load steps is unknown
         if stated.load_steps.jump != 1 and not any(
             part.adds_up for contact in stated.contact for part in contact.parts
         ):
@@ -194,11 +196,11 @@ class Scene(Table):
 
     @property
     def meshes(self) -> list[Any]:
-        """Return the sources of the meshes, one for each body."""
+        """The sources of the meshes, one for each body."""
         return [body.mesh for body in self.body] or [self.mesh]
 
     def with_meshes(self, meshes: Iterable[Any]) -> Self:
-        """Return the scene with other sources of its meshes."""
+        """Return the scene with other sources of its meshes, one for each body."""
         if not self.body:
             return self.model_copy(update={"mesh": next(iter(meshes))})
         bodies = zip(self.body, meshes, strict=True)
@@ -208,7 +210,7 @@ class Scene(Table):
 
     @cached_property
     def statement(self) -> Statement:
-        """Return the entries without the mesh, as everything that solves and judges reads them."""
+        """The entries without the mesh, in the form that solvers and checks use."""
         fields = type(self).model_fields
         origin = ("mesh", "body")
         given = {key: getattr(self, key) for key in fields if key not in (*origin, *_SETTINGS)}
@@ -254,7 +256,7 @@ class Scene(Table):
 
 
 def _repeated(entry: Any, times: int) -> Any:
-    """Return an entry with its lists of one cycle for so many."""
+    """Return an entry whose lists for one cycle are repeated."""
     lists = {
         key: tuple(given) * times
         for key in ("factors", "holds")
@@ -264,8 +266,9 @@ def _repeated(entry: Any, times: int) -> Any:
 
 
 def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int:
-    """Number of factors of each load; without factors one for each of the times, if anything
-    depends on the time.
+    """Return the number of factors of each load.
+
+    Without factors it is the number of times, if anything depends on the time, otherwise one.
     """
     entries = [entry for several in effects.values() for entry in several]
     loads = [entry for entry in entries if isinstance(entry, Load)]

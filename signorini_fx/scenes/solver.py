@@ -46,35 +46,34 @@ def solve(
 ) -> Solution:
     """Solve a scene; collective.
 
-    On several ranks a signal may reach one of them, such as SIGTERM, whose handler raises there.
-    It is served at the next Newton step, mesh or end of the solve, and what it raises is raised on
-    all ranks (an exception other than ``SystemExit`` as ``KeyboardInterrupt`` on the others).  An
-    observer must raise on all ranks or on none.
+    If the handler of a signal, such as SIGTERM, raises an exception on one of several ranks, it is
+    raised on all ranks at the next Newton step, mesh or end of the solve (an exception other than
+    ``SystemExit`` as ``KeyboardInterrupt`` on the others). An observer must raise on all ranks or
+    on none.
 
     Args:
         scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
-        check: raise if no solution was reached; otherwise look at ``Solution.status``.
-        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs,
-            and with a ``StepRecord`` where one of several load steps begins.
-        checkpoint: the result folder, in which every load step on every mesh is stored as soon as
-            it is complete, until ``write_results`` writes the result there; None: nowhere. Needs a
-            scene with contact and several load steps or levels, without a requested accuracy;
-            otherwise nothing is stored.
-        restart: go on from what is stored there, on any number of ranks.
-        state: the ``state`` of an earlier solution on the same mesh, after which load steps begin;
-            None: the body before the first one.
-        effects: what else happens from load step to load step, or its name among the entry points.
+        check: whether to raise if no solution was found; otherwise look at ``Solution.status``.
+        observers: functions that are called with each ``IterationRecord``, ``OuterRecord`` and
+            event, and with a ``StepRecord`` when one of several load steps begins.
+        checkpoint: the result folder, in which each complete load step on each mesh is stored until
+            ``write_results`` writes the result there; None: nothing is stored. Only scenes with
+            contact and several load steps or levels, without a requested accuracy, are stored.
+        restart: whether to continue from what is stored there, on any number of ranks.
+        state: the ``state`` of an earlier solution on the same mesh, from which load steps
+            continue; None: they begin with the first one.
+        effects: further effects from load step to load step, or their names among the entry points.
 
     Raises:
-        SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the
+        SceneError: the scene is wrong, does not fit its mesh, or differs from that of the
             checkpoint.
         TypeError: an argument is of the wrong kind.
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
         MachineError: a form cannot be compiled.
         InstallationError: a quantity of another package cannot be used.
-        ConvergenceError: no solution was reached; it carries the last iterate.
+        ConvergenceError: no solution was found; its ``solution`` is the last iterate.
 
     Examples:
         >>> result = sfx.solve(scene)
@@ -84,7 +83,7 @@ def solve(
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
     scene = as_scene(scene, comm)
-    own_quantities()  # those of others are refused before hours of work
+    own_quantities()  # unusable quantities of other packages are refused before the solve
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     history = History(observers=list(observers))
@@ -125,7 +124,7 @@ def build_problem(
     *,
     effects: Sequence[StepEffect | str] = (),
 ) -> StatedProblem | NonlinearContactProblem:
-    """Return the problem of a scene whose load steps a program solves itself; collective.
+    """Return the problem of a scene, whose load steps your program solves one by one; collective.
 
     Args:
         scene: see ``solve``; it is solved on one mesh.
@@ -157,7 +156,7 @@ def build_problem(
 
 
 def _refuse_state(scene: Scene) -> None:
-    """Refuse what has no state that a program can take."""
+    """Refuse scenes on several meshes, which have no state that a program can use."""
     if scene.accuracy is not None or scene.solver.levels > 1:
         reason = (
             "takes several meshes, and state and effects are for one: leave out accuracy and "
@@ -167,7 +166,7 @@ def _refuse_state(scene: Scene) -> None:
 
 
 def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:
-    """Return the effects; those named by an entry point are made, others are taken as they are."""
+    """Return the effects as objects; names of entry points are replaced by new objects."""
     named = [
         load_class(STEP_EFFECTS, effect, StepEffect)() if isinstance(effect, str) else effect
         for effect in effects
@@ -180,7 +179,7 @@ def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:
 def _checkpoint(
     scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
 ) -> StoredStates | None:
-    """Return the checkpoint of a run; None if there is nothing to store."""
+    """Return the checkpoint of a run, or None if there is nothing to store."""
     if folder is None and restart:
         raise SceneError.at("restart", "needs the folder of the checkpoint")
     without = None
@@ -202,7 +201,7 @@ def _checkpoint(
 
 
 def refuse_other_than_comm(comm: object) -> None:
-    """Check that the argument is a communicator."""
+    """Raise a TypeError if the argument is not a communicator."""
     if not isinstance(comm, MPI.Comm) or comm == MPI.COMM_NULL:
         name = "MPI.COMM_NULL" if isinstance(comm, MPI.Comm) else kind_of(comm)
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {name}")

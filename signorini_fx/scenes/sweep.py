@@ -1,8 +1,8 @@
-"""A scene with several values of some of its entries: a solution for each combination of them, and
-the rows of a table.
+"""Parameter sweeps: a solution of a scene for each combination of values of some entries, and the
+rows of a table.
 
-Each of them is a problem of its own.  It begins with the contact of the one before, and where only
-gaps and friction of rigid foundations differ it has the condensed elastic system of that one, too.
+Each problem starts from the contact state of the previous one.  If only gaps and friction of rigid
+foundations differ, it reuses the condensed elastic system, too.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from signorini_fx.tuned import ZERO_IN_SOLUTION
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Row = dict[str, bool | float | str | None]  # figures of a solution, with what was changed
+Row = dict[str, bool | float | str | None]  # results of a solution, with the changed values
 _TABLE, _STORED = "sweep.csv", "sweep.json"
-# The figures of a row.
+# The results in a row.
 FIGURES = (
     "contact_force",
     "friction_force",
@@ -67,23 +67,22 @@ def sweep(
     entries: Mapping[str, Iterable[Any]],
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Sweep:
-    """Solve a scene for each combination of values of its entries, as the iterator advances;
-    collective.
+    """Solve a scene for each combination of values of its entries, one at each step of the
+    iterator; collective.
 
     Args:
         scene: the scene, or the path of its file.
-        entries: values by paths of entries, such as ``contact[0].friction.coefficient`` or
-            ``material.young``; those of the last path change first.
+        entries: values by the paths of entries, such as ``contact[0].friction.coefficient`` or
+            ``material.young``; those of the last path vary fastest.
         comm: the ranks that share the work.
 
     Returns:
-        An iterator over the solution of each combination, or its last iterate: look at
-        ``Solution.status``; ``to_dataframe()`` solves what is left and gives a row of figures for
-        each of them.
+        An iterator over the solutions, or the last iterates: look at ``Solution.status``;
+        ``to_dataframe()`` solves the remaining ones and returns a row of results for each.
 
     Raises:
         TypeError: an argument is of the wrong kind.
-        SceneError: there is no such entry, or a value is wrong; all are looked at before the first
+        SceneError: there is no such entry, or a value is wrong; all are checked before the first
             solve.
 
     Examples:
@@ -98,8 +97,8 @@ def sweep(
 
 
 class Sweep(Iterator[Solution]):
-    """The solutions of a scene for several values of its entries, one after the other; every
-    method is collective.
+    """The solutions of a scene for several values of its entries, one after the other; every method
+    is collective.
     """
 
     def __init__(self, scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm) -> None:
@@ -109,18 +108,18 @@ class Sweep(Iterator[Solution]):
         return next(self._solved)[1]
 
     def to_dataframe(self) -> DataFrame:
-        """Solve what is left, and return a row of figures for each of it, see ``row_of``, as a
-        ``pandas.DataFrame``.
+        """Solve the remaining combinations, and return a row of results for each, see ``row_of``,
+        as a ``pandas.DataFrame``.
 
         Raises:
             InstallationError: pandas is not installed.
         """
-        dataframe([])  # it says before the solves that pandas is missing
+        dataframe([])  # raises before the solves if pandas is missing
         return dataframe([row_of(values, solution) for values, solution in self._solved])
 
 
 def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
-    """Return all combinations of values of entries, each by the paths of the entries."""
+    """Return all combinations of values, each as a dictionary by the paths of the entries."""
     if not isinstance(entries, Mapping):
         raise TypeError("entries: a dictionary of values by paths is expected")
     return [dict(zip(entries, values, strict=True)) for values in product(*entries.values())]
@@ -129,7 +128,9 @@ def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
 def solutions_of(
     scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm
 ) -> Iterator[Solution]:
-    """Solve a scene for each of several changes of its entries; all are looked at first."""
+    """Yield the solution of a scene for each change of its entries; all changes are validated
+    first.
+    """
     return _solutions([parse_scene(changed(scene, change)) for change in changes], comm)
 
 
@@ -155,7 +156,9 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
 def _solved(
     scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | None
 ) -> tuple[Solution, Task]:
-    """Return a scene on one mesh, with what the last one leaves to it; collective."""
+    """Return the solution and the task of a scene on one mesh, starting from the last one;
+    collective.
+    """
     history = History()
     statement = scene.statement
     if last is None or not _same_system(scene, last[0]):
@@ -173,7 +176,7 @@ def _solved(
 
 
 def _same_system(scene: Scene, last: Scene) -> bool:
-    """Return whether two scenes differ in gaps and friction of rigid foundations alone."""
+    """Return whether two scenes differ only in gaps and friction of rigid foundations."""
     others = set(type(scene).model_fields) - {"contact"}
     if any(getattr(scene, key) != getattr(last, key) for key in others) or len(
         scene.contact
@@ -189,11 +192,13 @@ def _same_system(scene: Scene, last: Scene) -> bool:
 
 
 class SweepFolder(ResultFolder):
-    """The folder of a sweep: its table, and a result folder for each combination of values, ``001``
-    and so on.
+    """The folder of a sweep: its table, and a result folder ``001``, ``002`` and so on for each
+    combination of values.
 
-    Each is stored as soon as it is solved.  Every method is collective.
-    ``rows``: of those that are stored, in their order.
+    Each result is stored as soon as it is solved.  Every method is collective.
+
+    Attributes:
+        rows: the rows that are stored, in their order.
     """
 
     def __init__(
@@ -210,17 +215,20 @@ class SweepFolder(ResultFolder):
         self.rows: list[Row] = []
 
     def recall(self) -> None:
-        """Take the values that a sweep has stored before it was killed.
+        """Load the rows that an interrupted sweep has stored.
 
         Raises:
-            SceneError: it is another sweep.
+            SceneError: the folder belongs to another sweep.
         """
         self.rows = parallel.on_root(self._comm, self._stored)
 
     def solved(self, scene: Scene, jobs: int, begin: Callable[[], None]) -> Iterator[Row]:
-        """Solve what is left, write each result, and yield its row.
+        """Solve the remaining combinations, write each result, and yield its row.
 
-        ``jobs``: so many processes of one rank side by side, each of which begins with ``begin``.
+        Args:
+            scene: the scene.
+            jobs: number of parallel processes of one rank each.
+            begin: called at the start of each process.
         """
         done = len(self.rows)
         left = list(enumerate(self._changes))[done:]
@@ -246,12 +254,12 @@ class SweepFolder(ResultFolder):
                 yield row
 
     def _remove_older(self) -> None:
-        """Remove the results of the values of an earlier sweep."""
+        """Remove the results of an earlier sweep."""
         for folder in self.path.glob("[0-9][0-9][0-9]*"):
             if (folder / manifest.MANIFEST).is_file():
                 manifest.remove(folder)
                 (folder / manifest.MANIFEST).unlink()
-                with suppress(OSError):  # there is something else in it
+                with suppress(OSError):  # the folder contains something else
                     folder.rmdir()
 
     def _write(self) -> None:
@@ -260,7 +268,7 @@ class SweepFolder(ResultFolder):
         (self.part / _STORED).write_text(json.dumps(stored), encoding="utf-8")
 
     def _stored(self) -> list[Row]:
-        """Return the rows of an earlier run; on one rank."""
+        """Return the rows of an earlier run; called on one rank."""
         try:
             stored = json.loads((self.path / _STORED).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -273,37 +281,39 @@ class SweepFolder(ResultFolder):
 
 
 def _written(solution: Solution, point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
-    """Write the result of a combination of values, and return its row; collective."""
+    """Write the result of a combination, and return its row; collective."""
     _, change, folder = point
     write_results(solution, folder, fields=False, pictures=False)
     return row_of(change, solution)
 
 
 def _solved_alone(point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
-    """Solve a combination of values in a process of its own."""
+    """Solve a combination in a separate process, and return its row."""
     scene, change, _ = point
     (solution,) = solutions_of(scene, [change], MPI.COMM_SELF)
     return _written(solution, point)
 
 
 def row_of(change: Mapping[str, Any], solution: Solution) -> Row:
-    """Return the row of a combination of values in sweep.csv; collective.
+    """Return the row of a combination in sweep.csv; collective.
 
-    It has these values by their paths, ``status``, ``linear_solves``, ``certificate_holds`` and
-    ``FIGURES``: sizes of the contact and friction force (per thickness in 2D), between bodies the
-    sum of those of all boundaries, areas in contact and of what sticks (in 2D lengths); not a
-    number where there is no solution.  With several load steps they are those of the last one with
-    a solution, and ``solved_until`` is its time: where a ramp ends without one, its limit, and
-    ``limit_force`` the force that it has reached.  Figures of effects, such as wear, follow.
+    It has the changed values by their paths, ``status``, ``linear_solves``, ``certificate_holds``
+    and ``FIGURES``: magnitudes of contact and friction force (per thickness in 2D; between bodies
+    the sum over all boundaries), and areas of contact and stick (lengths in 2D); nan if there is no
+    solution.
+
+    With several load steps they are those of the last step with a solution, and ``solved_until`` is
+    its time.  If a ramp ends before its full load, ``limit_force`` is the force that it reached.
+    Results of effects, such as wear, follow.
     """
     energy = solution.last_step.strain_energy
     figures = {
         "strain_energy": float("nan") if energy is None else energy
-    }  # that of a nonlinear body is not known
+    }  # unknown for a nonlinear body
     if solution.contact is not None:
         columns = solution.table.columns
         touching = columns["state"] != "open"
-        # Between bodies each force acts on another one, so that their sum says nothing.
+        # Between bodies each force acts on another body, so the vector sum has no meaning.
         between = any(effect.against for effect in solution.model.contacts)
         forces = solution.contact.forces_of_each if between else np.array([solution.contact.forces])
         contact, friction = map(float, np.linalg.norm(forces, axis=2).sum(axis=0))
@@ -325,7 +335,7 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> Row:
     figures |= solution.last_step.figures
     if solution.last_step.status is not Status.CONVERGED:
         figures = dict.fromkeys(figures, float("nan"))
-    if solution.contact is None:  # there are no iterations
+    if solution.contact is None:  # no iterations were recorded
         solves = sum(step.linear_solves for step in solution.steps)
     else:
         solves = solution.history.linear_solves
@@ -343,13 +353,13 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> Row:
 
 
 def heading(paths: Sequence[str]) -> str:
-    """Return the line above those of the values, with the last word of each path."""
+    """Return the heading of the table, with the last part of each path."""
     entries = [f"{path.rpartition('.')[2]:>12s}" for path in paths]
     return "  ".join([*entries, *(f"{name:>14s}".replace("_", " ") for name in FIGURES), "outcome"])
 
 
 def line_of(paths: Sequence[str], row: Row) -> str:
-    """Return a row as a line of text; without contact there are no figures of it."""
+    """Return a row as a line of text; results that do not exist are shown as "-"."""
     values = [f"{row[path]!s:>12s}" for path in paths]
     figures = [f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES]
     unsolved = "solved_until" in row and row["status"] != Status.CONVERGED.value

@@ -1,5 +1,5 @@
-"""Help for writing scene files: a scene to start from, and JSON schemas of scenes and of results.
-No dolfinx here.
+"""Help for writing scene files: a scene to start from, and the JSON schemas of scenes and of
+results. It does not import dolfinx.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from signorini_fx.scenes.scene import Scene
 
 
 def starting_scene(*, full: bool = True) -> str:
-    """Return a scene file that can be solved as it is; one that is ``full`` explains every key."""
+    """Return a scene file that can be solved as it is; with ``full`` it explains every key."""
     name = "template.toml" if full else "short.toml"
     return resources.files("signorini_fx.scenes").joinpath(name).read_text(encoding="utf-8")
 
 
 def described() -> type[BaseModel]:
-    """``Scene`` with the types of all materials and of the effects of other packages, which this
-    imports.
+    """Return ``Scene`` with the types of all materials and of the effects of other packages, which
+    are imported.
     """
     kinds = {"material": every_entry()} | {
         key: load_class(EFFECTS, key, Effect) for key in names_of(EFFECTS)
@@ -42,14 +42,14 @@ def described() -> type[BaseModel]:
     typed: dict[str, Any] = {
         key: (kind, ... if key == "material" else ()) for key, kind in fields.items()
     }
-    with catch_warnings():  # these keys have a value in scenes that were made before
+    with catch_warnings():  # these keys shadow attributes of the base class
         simplefilter("ignore", UserWarning)
         return create_model("Scene", __base__=Scene, __doc__=Scene.__doc__, **typed)
 
 
 class _ForEditors(GenerateJsonSchema):
     """A generator of JSON schemas of draft 7, which editors support best, without null, which TOML
-    does not have.
+    lacks.
     """
 
     def nullable_schema(self, schema: Any) -> Any:
@@ -72,7 +72,7 @@ class _ForEditors(GenerateJsonSchema):
 
 
 def scene_schema() -> dict[str, Any]:
-    """Return the JSON schema of scene files, with the docstrings as descriptions."""
+    """Return the JSON schema of scene files, with descriptions from the docstrings."""
     model = described()
     schema = model.model_json_schema(schema_generator=_ForEditors)
     by_name = {table.__name__: table for table in tables(model)}
@@ -102,7 +102,9 @@ def scene_schema() -> dict[str, Any]:
 
 
 def summary_schema() -> dict[str, Any]:
-    """Return the JSON schema of summary.json in result folders, with the quantities of others."""
+    """Return the JSON schema of summary.json in result folders, with the quantities of other
+    packages.
+    """
     schema = Summary.model_json_schema()
     schema["properties"]["scene"] |= {
         "properties": {name: {} for name in Scene.model_fields}
@@ -129,9 +131,7 @@ def summary_schema() -> dict[str, Any]:
 
 
 def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
-    """Insert the descriptions of a class and of its keys from the docstrings, so that an editor
-    shows them.
-    """
+    """Add the descriptions of a class and of its keys, from the docstrings, to a schema."""
     meanings: dict[str, str] = {}
     for ancestor in reversed(model.__mro__):
         meanings |= (
@@ -144,7 +144,7 @@ def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
 
 
 def _attributes(doc: str) -> dict[str, str]:
-    """Return the section Attributes of a Google docstring."""
+    """Return the entries of the section Attributes of a Google docstring."""
     _, _, section = doc.partition("Attributes:\n")
     entries = re.findall(r"^    (\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
     return {name: _plain(meaning) for name, meaning in entries}

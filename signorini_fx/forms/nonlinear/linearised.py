@@ -453,10 +453,8 @@ class Solved:
 
         Returns:
             The forces a(d, .), correct at dofs without supports, shape (owned dofs,); the part of
-                them that comes from the geometric
-            stiffness; and the work on the increments of rigid bodies, by their springs and by
-                normals
-            that turn relative to them.
+            them that comes from the geometric stiffness; and the work on the increments of rigid
+            bodies, by their springs and by normals that turn relative to them.
         """
         linear = self.linear
         elastic = linear.elastic

@@ -560,7 +560,7 @@ class EquilibriumSolver:
 
         Returns:
             Why the path ended before its last step, and what to do about it, as text; "" if it is
-                complete.
+            complete.
 
         Raises:
             FormError: the smallest step ended with one.

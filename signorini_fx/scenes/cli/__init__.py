@@ -1,7 +1,7 @@
-"""The command line: from arguments to an exit code; every error and interruption, the same on every
-rank.
+"""The command line: from arguments to an exit code, with every error and interruption, the same on
+every rank.
 
-Help and errors in a scene need no import of dolfinx; text is printed by one rank.  Nothing imports
+Help and errors in a scene need no import of dolfinx; only one rank prints.  No other module imports
 this package.
 """
 
@@ -31,15 +31,15 @@ from signorini_fx.tuned import PROGRESS_PAUSE
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-# The commands that all ranks but one leave alone.
+# Commands that run on one rank only.
 _ON_ONE_PROCESS = ("new", "schema", "report", "view", "mesh-info", "contacts")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; the exit code is the same on every rank."""
+    """Run the command line and return the exit code, which is the same on every rank."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
-        del sys.argv[1:]  # dolfinx reads them when it is imported, and fails if they are not UTF-8
+        del sys.argv[1:]  # dolfinx reads them on import, and fails if they are not UTF-8
     terminal.limit_threads()
     terminal.prepare()
     petsc_options: list[str] = []
@@ -73,8 +73,8 @@ def _complain(text: object) -> int:
 
 
 def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
-    """Run a command on one of several processes, and print its result, which may come with an exit
-    code.
+    """Run a command on the first process only, print the text that it returns, and return the exit
+    code, which may come with the text.
     """
     if not terminal.started_as_root():
         return EXIT_OK
@@ -93,10 +93,11 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
 
 
 def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
-    """Run a command that all ranks share, which returns the exit code; every way in which it can
-    end, in one place; None if the command has none.
+    """Run a command on all ranks and return the exit code, whichever way it ends.
 
-    ``source``: name of the scene in messages.
+    Args:
+        run: the command; it returns the exit code.
+        source: name of the scene in messages; None: there is no scene.
     """
     try:
         check_fenicsx()
@@ -107,7 +108,9 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     comm = MPI.COMM_WORLD
 
     def end(code: int) -> int:
-        """Return an error on a single rank would leave the others waiting for ever."""
+        """Return the code; on several ranks abort, as an error on one rank would leave the others
+        waiting.
+        """
         if comm.size > 1:
             comm.Abort(code)
         return code
@@ -117,8 +120,8 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     try:
         code = run(comm)
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
-    except SignoriniError as error:  # these are raised on all ranks
-        # At its end PETSc would list unused options, and obey others.
+    except SignoriniError as error:  # raised on all ranks
+        # At exit PETSc would list unused options, and apply others.
         if (petsc := sys.modules.get("petsc4py.PETSc")) is not None:
             for name in petsc.Options().getAll():
                 petsc.Options().delValue(name)
@@ -133,7 +136,7 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
         return end(EXIT_INTERRUPTED)
     except Exception as error:
         if (message := _explained(error)) is not None:
-            if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
+            if comm.rank > 0:  # if the first rank has the same error, it ends this one meanwhile
                 time.sleep(PROGRESS_PAUSE)
             return end(_complain(message))
         traceback.print_exc()
@@ -143,8 +146,8 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
 
 
 def _explained(error: Exception) -> object:
-    """Return the message for an error of a lack of memory, or of options of the user for PETSc;
-    None: another one.
+    """Return a message if the error is a lack of memory, or an option that PETSc refuses; otherwise
+    None.
     """
     if "petsc4py.PETSc" not in sys.modules:
         return _OUT_OF_MEMORY if isinstance(error, MemoryError) else None

@@ -1,4 +1,4 @@
-"""The commands; those that run on one process return the text to print, the others the exit
+"""The commands: those that run on one process return the text to print, the others the exit
 code.
 """
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 def _start_petsc(options: Sequence[str]) -> None:
-    """Start PETSc, once, with options as on a command line, without the name of the program."""
+    """Start PETSc, once, with these options from the command line."""
     words = [*os.environ.get("PETSC_OPTIONS", "").split(), *options]
     if any(word.startswith("-options_file") for word in words):
         raise OptionsError(
@@ -54,14 +54,16 @@ def _start_petsc(options: Sequence[str]) -> None:
         petsc4py.init(["signorini-fx", "-no_signal_handler", "-skip_petscrc", *options])
     except (
         Exception
-    ) as error:  # petsc4py.PETSc.Error; the module cannot be imported before it has started
+    ) as error:  # petsc4py.PETSc.Error, which cannot be imported before PETSc has started
         raise OptionsError(
             f"PETSc does not start with the options {' '.join(options)!r}: {error}"
         ) from None
 
 
 def _begin_job(petsc_options: Sequence[str]) -> None:
-    """Begin a process beside others, which leaves an interrupt from the keyboard to the first."""
+    """Start PETSc in a parallel process; only the first process handles an interrupt from the
+    keyboard.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _start_petsc(petsc_options)
 
@@ -69,8 +71,12 @@ def _begin_job(petsc_options: Sequence[str]) -> None:
 def _read_scene(
     options: argparse.Namespace, comm: MPI.Comm, leave_out: Sequence[str] = ()
 ) -> Scene:
-    """Return the scene on every rank, with what the command line changes but some entries; PETSc is
-    started.
+    """Return the scene on every rank, with the changes of the command line, and start PETSc.
+
+    Args:
+        options: the command line.
+        comm: the ranks.
+        leave_out: paths whose changes are not applied.
     """
     from signorini_fx.machine import parallel
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
@@ -96,9 +102,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from signorini_fx.results.summary import lines_of, table_row
     from signorini_fx.scenes import solver
 
-    if (
-        not gc.get_freeze_count()
-    ):  # what was imported stays: it need not be looked through for garbage
+    if not gc.get_freeze_count():  # imported objects stay, so the garbage collector can skip them
         gc.freeze()
     fields = not options.no_fields
     if options.picture:
@@ -135,7 +139,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
                 line.erase()
             pictures = False if options.no_pictures else options.picture or True
             if pictures:
-                # Without help texts for Python, a tenth of the time of a short run.
+                # Skips the docstrings of matplotlib, which take a tenth of the time of a short run.
                 with suppress(ImportError):
                     from matplotlib.artist import Artist
 
@@ -155,7 +159,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
             comm, lines_of(summary, path) if options.verbose else short_answer(summary, path)
         )
     if not solution.converged:
-        # The summary above has said what to do.
+        # The summary above contains the advice.
         ended = terminal.TerminalLine(
             "signorini-fx: ", outcome(solution, advice=options.quiet), "error"
         )
@@ -204,7 +208,7 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def calibrate(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    """Print the values of entries of a scene with which it fits what was measured."""
+    """Print the values of entries for which the scene fits the measured results."""
     scene = _read_scene(options, comm)
     terminal.say_once(comm, str(add_on("calibrate")(scene, options.measured, options.by, comm)))
     return EXIT_OK
@@ -239,7 +243,7 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def info(_: argparse.Namespace, comm: MPI.Comm) -> int:
-    """Print versions and the factorisations in use."""
+    """Print the versions of libraries and the factorisations in use."""
     from signorini_fx.algebra.linalg.factorisation import factorisation_package
     from signorini_fx.results.summary import versions
 
@@ -251,8 +255,8 @@ def info(_: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def new(options: argparse.Namespace) -> str | tuple[str, int]:
-    """Write the starting scene, one for a drawing or a mesh, or the draft of one from a deck; it
-    overwrites no file.
+    """Write a scene to start from, or one for a drawing or a mesh, or a draft from a deck; existing
+    files are not overwritten.
     """
     from signorini_fx.mechanics.statement.mesh_sources import MESH_FORMATS
 
@@ -285,10 +289,10 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
 
 
 def _write_scene(file: Path, text: str, *, over: bool = False) -> None:
-    """Write a scene file, in place of an earlier one with ``over`` alone.
+    """Write a scene file; an existing one is replaced only with ``over``.
 
     Raises:
-        OutputError: it exists already, or cannot be written.
+        OutputError: the file exists, or cannot be written.
     """
     try:
         with file.open("w" if over else "x", encoding="utf-8") as out:
@@ -349,7 +353,7 @@ def report(options: argparse.Namespace) -> str:
 
 
 def view(options: argparse.Namespace) -> str:
-    """Write the page with the body that turns, and show it where there is a screen."""
+    """Write the page with the rotatable body, and open it if there is a display."""
     file = add_on("report")(options.folder, options.folder / "view.html", ("Body", "Outcome"))
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         webbrowser.open(file.absolute().as_uri())
@@ -357,11 +361,11 @@ def view(options: argparse.Namespace) -> str:
 
 
 def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    """Print a verdict on another program's result."""
+    """Print a verdict on the result of another program."""
     from signorini_fx.machine import parallel
 
     _start_petsc(options.petsc_options)
-    # It reads and solves on one rank alone; the others wait for its verdict.
+    # One rank reads and solves; the others wait for the verdict.
     judgement = parallel.on_root(comm, lambda: add_on("judge")(options.problem, options.result))
     text = json.dumps(judgement.as_dict(), indent=2) if options.json else str(judgement)
     terminal.say_once(comm, text)

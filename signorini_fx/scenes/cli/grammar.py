@@ -1,4 +1,4 @@
-"""The grammar of the command line: commands, their options, and the keys of the scene that they
+"""The grammar of the command line: commands, their options, and the scene entries that they
 override.
 """
 
@@ -27,7 +27,7 @@ EXIT_INTERRUPTED = 130
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that prints on one rank, and ends with the exit code of bad input."""
+    """A parser that prints on one rank, and exits with the code for bad input."""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if message and terminal.started_as_root():
@@ -52,7 +52,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the commands and their options."""
+    """Return the parser of all commands and their options."""
     epilog = (
         "Options after -- are passed to PETSc, for example: -- -sfx_snes_monitor "
         "-sfx_pc_factor_mat_solver_type mumps. "
@@ -213,8 +213,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def named_path(text: str) -> Path:
-    """Return a path; an empty one, as of a variable of a shell that is not set, would be the
-    current folder.
+    """Return a path; an empty text is refused, as it would mean the current folder, for example if
+    a shell variable is not set.
     """
     if not text:
         raise argparse.ArgumentTypeError("a name is expected, got ''; the current folder is .")
@@ -222,7 +222,7 @@ def named_path(text: str) -> Path:
 
 
 def parsed_accuracy(text: str) -> float:
-    """0.05 or 5%."""
+    """Return a relative error from a text such as 0.05 or 5%."""
     from signorini_fx.mechanics.statement.values import share
 
     try:
@@ -234,7 +234,7 @@ def parsed_accuracy(text: str) -> float:
 
 
 def parsed_setting(text: str) -> tuple[str, Any]:
-    """PATH=VALUE of an entry of the scene."""
+    """Return path and value from ``PATH=VALUE`` for an entry of the scene."""
     from signorini_fx.scenes.reading import parsed_change
 
     try:
@@ -253,13 +253,14 @@ def changes(options: argparse.Namespace) -> dict[str, Any]:
     return {path: value for path, value in entries.items() if value is not None}
 
 
-_COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arguments of a function
+_COMMA = re.compile(r",(?![^()]*\))")  # a comma between values, not between arguments of a function
 _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
 
 def several_values(entries: dict[str, Any]) -> dict[str, list[Any]]:
-    """Return the values of entries that have several, by their paths: ``0.1:0.8:8``, from, to, and
-    number of them at equal distances, or ``0.1,0.2,0.4``.
+    """Return the entries with several values, by path.
+
+    Values are ``0.1:0.8:8`` (from, to, and number of equally spaced values) or ``0.1,0.2,0.4``.
     """
     ranges = {
         path: values for path, value in entries.items() if len(values := _values(path, value)) > 1
