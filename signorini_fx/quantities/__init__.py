@@ -1,3 +1,3 @@
-"""Results: what each is in words, its value, its unit, and where it is shown; some with derivatives
-and bounds.
+"""Results: the name, value and unit of each, and where it is shown; some with derivatives and
+bounds.
 """

@@ -1,5 +1,5 @@
-"""Scalar results of a solution with their derivatives by the displacement and by the contact
-tractions.
+"""Scalar results of a solution, with their derivatives with respect to the displacement and to the
+contact tractions.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+# Imported first: PETSc and dolfinx from PyPI use the MPI library that is loaded already.
 import mpi4py.MPI  # noqa: F401
 import numpy as np
 import ufl
@@ -25,32 +25,36 @@ from signorini_fx.tuned import DIGITS_OF_FILES
 
 
 class Functional:
-    """A scalar result J(y, lambda, mu)."""
+    """A scalar result J(y, lambda, mu) of displacement, contact pressure and shear."""
 
     def value(
         self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
     ) -> float:
-        """J; collective."""
+        """Return J; collective."""
         raise NotImplementedError
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """J_y at the owned dofs, or None if it does not depend on the displacement; collective."""
+        """Return dJ/dy at the owned dofs, or None if J does not depend on the displacement;
+        collective.
+        """
         return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
-        """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
+        """Return the derivative with respect to (lambda, mu) at each contact point, divided by its
+        weight, shape (n, d); collective.
+        """
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
 @dataclass(frozen=True)
 class Gradient:
-    """The derivatives of a result by Constants.
+    """The derivatives of a result with respect to Constants.
 
     Attributes:
         value: the result.
-        derivatives: by each Constant, shape (n,).
-        between: contact points that stand between two sets: there the derivatives are those of one
-            side.
+        derivatives: the derivative with respect to each Constant, shape (n,).
+        between: number of contact points on the border of two active sets, where the derivatives
+            are one-sided.
     """
 
     value: float
@@ -62,7 +66,7 @@ class Gradient:
 class OfDisplacement(Functional):
     """A linear functional of the displacement."""
 
-    row: Array  # its coefficients at the owned dofs
+    row: Array  # coefficients at the owned dofs
 
     def value(
         self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
@@ -75,17 +79,19 @@ class OfDisplacement(Functional):
 
 @dataclass(frozen=True)
 class ContactForce(Functional):
-    """A component of the force on the body at one contact boundary, or of its moment about the
+    """A component of the contact force on the body at one boundary, or of its moment about the
     origin.
     """
 
     part: int  # number of the contact
-    component: int  # axis of the force, or of the moment in 3D; in 2D a moment has one
-    moment: bool = False  # whether it is the moment
+    component: int  # axis of the force or moment; unused for a moment in 2D
+    moment: bool = False  # whether it is a moment
 
     def directions(self, boundary: ContactBoundary) -> Array:
-        """Direction of the traction that counts at each point, in 3D, zero elsewhere, shape (n,
-        d).
+        """Return the direction along which the traction of each point counts, zero off the
+        boundary, shape (n, d).
+
+        For a moment in 3D it is the axis times the arm, in 2D the arm turned by 90 degrees.
         """
         directions = np.zeros_like(boundary.normal)
         on_part = boundary.part == self.part
@@ -149,34 +155,36 @@ class LargestPressure(Functional):
 
 
 def functional_of(model: Model, text: str) -> Functional:
-    """Return a result with its derivatives by its name; collective.
+    """Return the functional of a result by its name; collective.
 
     Args:
         model: the body of a scene, or of forms.
-        text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact
+        text: ``force BOUNDARY AXIS`` or ``moment BOUNDARY [AXIS]``, on the body at a contact
             boundary, a moment about the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``,
-            see ``LargestPressure``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement
-            X,Y[,Z] AXIS`` at a point.
+            see ``LargestPressure``; ``mean BOUNDARY AXIS``, the mean displacement;
+            ``displacement X,Y[,Z] AXIS``, at a point.
 
     Raises:
-        SceneError: it is not known, or has no derivative.
+        SceneError: the name is unknown, or the result has no derivative.
     """
     known = {request.split()[0]: find for request, find in DIFFERENTIABLE.items()}
     try:
         name, *words = shlex.split(text)
         return known[name](model, *words)
-    except (KeyError, TypeError, ValueError):  # there is none of this name, or the words do not fit
+    except (KeyError, TypeError, ValueError):  # unknown name, or wrong arguments
         there = ", ".join(map(repr, DIFFERENTIABLE))
         raise SceneError.at(f"of {text!r}", f"is no result; there are {there}") from None
 
 
 def _force(model: Model, boundary: str, axis: str) -> Functional:
-    """Return the resultant contact force on one boundary, friction included, shape (d,)."""
+    """Return a component of the resultant contact force on one boundary, friction included."""
     return ContactForce(_contact_of(model, boundary), _axis_of(model.dimension, axis))
 
 
 def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
-    """Return the resultant contact moment on one boundary, friction included; a scalar in 2D."""
+    """Return a component of the resultant contact moment on one boundary about the origin, friction
+    included; in 2D there is only one.
+    """
     if model.dimension == 2 and axis != "z":
         raise ValueError(axis)
     if reason := model.kinematics.refuses.get("moment"):
@@ -236,7 +244,7 @@ def _displacement(model: Model, point: str, axis: str) -> Functional:
     return OfDisplacement(row.x.array[: space.dofmap.index_map.size_local * dim].copy())
 
 
-# How a result with derivatives is asked for, and what finds it.
+# The text by which a result is requested, and the function that makes its functional.
 DIFFERENTIABLE: dict[str, Callable[..., Functional]] = {
     "force BOUNDARY AXIS": _force,
     "pressure BOUNDARY [POWER]": _pressure,

@@ -1,4 +1,4 @@
-"""What can be proved of a solution, in words and figures; add-ons find the proofs."""
+"""Statements that are proved about a solution, with their numbers; add-ons find the proofs."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from signorini_fx.arrays import Array
 
 
 class Refused(Exception):
-    """A problem that has no bound here, with the reason."""
+    """A problem has no bound; the message gives the reason."""
 
 
 def with_assumed(statement: str, assumed: str) -> str:
-    """Return a statement with what it rests on; "": nothing but the data."""
+    """Return a statement followed by its assumptions, if there are any."""
     return "; ".join(filter(None, (statement, assumed)))
 
 
 class Interval(tuple[float, float]):
-    """Two bounds of a quantity, which print what they rest on.
+    """A lower and an upper bound of a quantity, which print their assumptions.
 
     Attributes:
-        assumed: what it rests on beside the data; "": nothing.
+        assumed: the assumptions beside the data; "": none.
     """
 
     assumed: str
 
     def __new__(cls, low: float, high: float, assumed: str = "") -> Self:
-        """Between two numbers."""
+        """Return the interval between two numbers."""
         found = super().__new__(cls, (low, high))
         found.assumed = assumed
         return found
@@ -50,12 +50,12 @@ class ErrorBound:
     Attributes:
         error: bound of the energy norm of the error, everything included.
         size: energy norm of the computed displacement.
-        duality: its share from the gap between both functionals, which ``moved`` enlarges as a sum
-            of squares.
-        moved: that of the displacement without penetration instead of the computed one.
-        round_off: that of sums and linear systems.
+        duality: its part from the gap between the primal and dual functionals, which ``moved``
+            enlarges as a sum of squares.
+        moved: its part from replacing the computed displacement by one without penetration.
+        round_off: its part from round-off of sums and linear systems.
         squares: contributions of the cells to the square of ``error``, shape (cells,).
-        assumed: what the statement rests on beside the data; "": nothing.
+        assumed: the assumptions beside the data; "": none.
     """
 
     error: float
@@ -68,14 +68,14 @@ class ErrorBound:
 
     @property
     def relative(self) -> float:
-        """Bound of the error relative to the energy norm of the exact solution; infinite where it
-        proves nothing.
+        """Bound of the error relative to the energy norm of the exact solution; infinite if nothing
+        is proved.
         """
         return self.error / (self.size - self.error) if self.error < self.size else np.inf
 
     @property
     def strain_energy(self) -> tuple[float, float]:
-        """Bounds of the strain energy of the exact solution, an energy per thickness."""
+        """Bounds of the strain energy of the exact solution, energy (in 2D per thickness)."""
         return max(self.size - self.error, 0.0) ** 2 / 2, (self.size + self.error) ** 2 / 2
 
     def __str__(self) -> str:
@@ -90,7 +90,9 @@ class ErrorBound:
         )
 
     def as_dict(self) -> dict[str, float | list[float] | str | None]:
-        """JSON-safe; null for a relative error without a bound."""
+        """Return the bound as a dictionary, ready for JSON; a relative error without a bound is
+        None.
+        """
         return {
             "relative_error": self.relative if np.isfinite(self.relative) else None,
             "strain_energy": list(self.strain_energy),

@@ -1,5 +1,5 @@
-"""The one table of the results that a terminal and the report print: of which solution they are, in
-numbers with the digits that their error estimates allow, and in words.
+"""The table of results that the terminal and the report print: what solution they belong to, and
+numbers with the digits that their error estimates justify.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from signorini_fx.quantities.summary import NO_FINITE_VALUE, PrintedNumber, own_
 from signorini_fx.records import JUDGED, NO_ACCURACY, SHORT_OF_ACCURACY, STEPS_UNESTIMATED, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIGIBLE
 
-# Figures of a summary.
+# The content of summary.json.
 Summary = dict[str, Any]
 Lines = list[str | TerminalLine]
 
 
 class Validity(Enum):
-    """The state that the figures of a summary belong to."""
+    """The kind of state that the results of a summary belong to."""
 
     SOLUTION = "the solution of the scene"
     LESS_ACCURATE = "a certified solution that is less accurate than required"
@@ -49,12 +49,12 @@ class Validity(Enum):
 
     @property
     def solved(self) -> bool:
-        """Return whether the figures are those of a solution, possibly of an earlier load step."""
+        """Whether the results are those of a solution, possibly of an earlier load step."""
         return self is not Validity.NO_SOLUTION
 
 
 def validity_of(summary: Summary) -> Validity:
-    """Return the state that the figures of a summary belong to."""
+    """Return the kind of state that the results of a summary belong to."""
     status = Status(summary["status"])
     if status is Status.CONVERGED:
         return Validity.SOLUTION
@@ -66,24 +66,22 @@ def validity_of(summary: Summary) -> Validity:
 
 
 def was_solved(summary: Summary) -> bool:
-    """Return whether there are figures, possibly of an iterate; a scene that statics excludes has
-    none.
+    """Return whether there are results, possibly of an iterate; there are none if statics excludes
+    a solution.
     """
     return validity_of(summary).solved or summary["linear_solves"] > 0
 
 
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the estimates of the finest mesh that was solved, the last solved row of the
-    convergence table; empty: there is none.
+    """Return the last solved row of the convergence table, which has the error estimates on the
+    finest mesh; empty if there is none.
     """
     solved = [row for row in summary.get("convergence_table", []) if not row["predicted"]]
     return solved[-1] if solved else {}
 
 
 def figure(value: Any) -> str:
-    """Return a number without an error, or the components of a vector, with four digits each; ""
-    for None.
-    """
+    """Return a number, or the components of a vector, with four digits; "" for None."""
     if isinstance(value, list | tuple):
         size = math.hypot(*value)
         return f"({', '.join(_rounded(component, size) for component in value)})"
@@ -97,15 +95,21 @@ def _rounded(value: float, size: float) -> str:
         return f"{value}"
     if value == 0:
         return "0"
-    # A small component beside a large one has digits of its own.
+    # A small component of a large vector gets up to two digits more than the large one.
     last = max(math.floor(math.log10(abs(value))) - 3, math.floor(math.log10(size)) - 5)
     rounded = round(value, -last)
     return f"{rounded:.6g}" if rounded else "0"
 
 
 def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
-    """Return a value with the error that the number of this name has, relative to its size; without
-    a known error it has four digits.
+    """Return a value with the error of the number of this name, scaled to the value; without a
+    known error it has four digits.
+
+    Args:
+        summary: the summary.
+        name: the name in ``numbers``.
+        value: the value to print.
+        quantity: what it is measured in, for its unit.
     """
     row = summary.get("numbers", {}).get(name)
     if row is None:
@@ -117,7 +121,7 @@ def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
 
 
 def percent(error: float) -> str:
-    """Return a relative error, or another share, with two digits."""
+    """Return a relative error, or another fraction, in per cent with two digits."""
     return (
         f"{float(f'{100 * error:.2g}'):g} %"
         if error > 1e-5
@@ -127,32 +131,31 @@ def percent(error: float) -> str:
     )
 
 
-# Rows of a list that the terminal shows.
+# Largest number of rows of a list that the terminal shows.
 MOST_ROWS = 8
-# The errors of a convergence table that say something to somebody who has asked for none of them,
-# as they are called there.
+# The errors of a convergence table that are shown without a request, and their names.
 _ESTIMATED = {"pressure": "pressure", "force": "force", "energy": "stress"}
 
 
 def row(label: str, text: str, kind: str = "") -> TerminalLine:
-    """Return a figure with its label."""
+    """Return a line with a label."""
     return TerminalLine(f"  {label:16s} ", text, kind)
 
 
 def labelled(label: str, texts: list[str]) -> list[TerminalLine]:
-    """Return lines of the table of which only the first has its label."""
+    """Return lines of which only the first has the label."""
     return [row(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
 
 def digits(value: Any) -> str:
-    """Return a figure with six digits."""
+    """Return a number, or the components of a vector, with six digits."""
     if not isinstance(value, float):
         return in_brackets(value) if isinstance(value, list) else str(value)
     return f"{value:.6g}"
 
 
 def in_brackets(components: Sequence[float]) -> str:
-    """Return a vector."""
+    """Return a vector as text, with six digits."""
     return "(" + ", ".join(f"{component:.6g}" for component in components) + ")"
 
 
@@ -171,8 +174,8 @@ def has_friction(summary: Summary) -> bool:
 
 
 def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
-    """Return the larger one of the raw and the recovered von Mises stress, and which it is ``of``;
-    None if there is none.
+    """Return the larger one of the raw and the recovered von Mises stress, with the key ``of`` that
+    tells which it is; None if there is none.
     """
     stress = summary.get("stress") or {}
     extremes = {
@@ -188,9 +191,14 @@ def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
 
 
 def share_in_words(summary: Summary, of: str = "") -> str:
-    """Return the share of the yield stress, named ``of``, that is used: a share such as 41 %,
-    far above it how many times, and no figure above it where the stress is singular, because each
-    mesh would change it.
+    """Return which fraction of the yield stress is used, such as "41 % of yield".
+
+    Far above the yield stress it is a multiple; if the stress is singular, only that it is above,
+    as each mesh would give another number.
+
+    Args:
+        summary: the summary.
+        of: the name of the yield stress in the text; "": none.
     """
     largest = summary["utilisation"]
     share = largest["value"]
@@ -203,18 +211,20 @@ def share_in_words(summary: Summary, of: str = "") -> str:
 
 @dataclass(frozen=True)
 class Shown:
-    """The way in which the terminal and the report show a key of the summary."""
+    """How the terminal and the report show a key of the summary."""
 
-    key: str  # the key
-    label: str  # what it is
-    # its lines, each as its text, or with a label of its own; None: the number
+    key: str  # key of the summary
+    label: str  # label of its lines
+    # returns its lines, each as text or with its own label; None: the number is shown
     format: Callable[[Summary], Lines] | None = None
-    brief: bool = False  # whether the terminal shows it without --verbose, and the report first
-    unit: str = ""  # of the number
+    brief: bool = (
+        False  # whether the terminal shows it without --verbose, and the report at the top
+    )
+    unit: str = ""  # the quantity of the number, for its unit
 
 
 def all_shown() -> list[Shown]:
-    """Return all that is shown, in its order, those of others last."""
+    """Return all entries of the table in their order, those of other packages last."""
     own = (
         Shown(one.key, one.key.replace("_", " "), brief=True, unit=one.unit)
         for one in own_quantities()
@@ -223,7 +233,7 @@ def all_shown() -> list[Shown]:
 
 
 def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
-    """Return the lines of a result."""
+    """Return the lines of an entry for a summary."""
     value = summary.get(shown.key)
     if value is None:
         return []
@@ -237,8 +247,8 @@ def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
 
 
 def brief_lines(summary: Summary) -> list[TerminalLine]:
-    """Return the lines of the short answer; none without a solution, and those of the last solved
-    load step if a later one failed.
+    """Return the lines of the short answer: none without a solution; if a load step failed, those
+    of the last solved one.
     """
     if not validity_of(summary).solved:
         return []
@@ -246,7 +256,7 @@ def brief_lines(summary: Summary) -> list[TerminalLine]:
 
 
 def _limit(summary: Summary) -> Lines:
-    """Return the loads that a ramp has reached, and how it has ended."""
+    """Return the loads that a ramp has reached, and why it ended."""
     limit = summary["limit"]
     held = limit["loads"] or f"time {limit['time']:.6g}"
     if full := limit.get("full_force"):
@@ -256,7 +266,7 @@ def _limit(summary: Summary) -> Lines:
 
 
 def _corners(summary: Summary) -> Lines:
-    """Return the forces of corners, and whether the mesh resolves their contact."""
+    """Return the forces at corners, and whether the mesh resolves their contact."""
     lines = Lines()
     for entry in summary["corners"][:MOST_ROWS]:
         sums = [a + b for a, b in zip(entry["contact_force"], entry["friction_force"], strict=True)]
@@ -275,7 +285,9 @@ def _corners(summary: Summary) -> Lines:
 
 
 def _friction(summary: Summary) -> Lines:
-    """Return how much of its friction the body uses; nothing if a later load step has none left."""
+    """Return the fraction of its friction that the body uses; nothing if a later load step
+    failed.
+    """
     if validity_of(summary) is Validity.EARLIER_STEP:
         return []
     used = summary["friction_used"]
@@ -287,7 +299,7 @@ def _friction(summary: Summary) -> Lines:
 
 
 def _is_bonded(boundary: Mapping[str, Any]) -> bool:
-    """Return whether a boundary transmits any tangential force; a file has null for infinity."""
+    """Return whether a boundary transmits any tangential force; files have null for infinity."""
     limit = boundary.get("friction_limit", 0.0)
     return limit is None or bool(np.isinf(limit))
 
@@ -327,8 +339,8 @@ def _contact(summary: Summary) -> Lines:
 
 
 def _forces(summary: Summary) -> Lines:
-    """Return the normal and the tangential force on the body; where bodies touch each other those
-    of each boundary.
+    """Return the normal and the tangential force on the body; between bodies, those of each
+    boundary.
     """
     entries = [
         {**entry, "name": f" on {entry['boundary']}"}
@@ -346,7 +358,7 @@ def _forces(summary: Summary) -> Lines:
 
     def of(entry: dict[str, Any], key: str) -> str:
         force = clean(entry[key], size)
-        # Over a revolution radial ones cancel each other.
+        # Over a revolution radial forces cancel.
         shown = force if kinematics.uniform else force[1]
         kind = key.partition("_")[0].replace("contact", "force")
         return told(summary, f"{kind}{entry['name']}", shown, "force")
@@ -389,7 +401,9 @@ def _areas(summary: Summary) -> Lines:
 
 
 def _moment(key: str, summary: Summary) -> Lines:
-    """Return a resultant moment; components that are round-off of those at work count as zero."""
+    """Return a resultant moment about the origin; components within round-off of the moments count
+    as zero; nothing if several bodies are in contact.
+    """
     size = float(np.abs([summary["contact_moment"], summary["friction_moment"]]).max())
     if on_several_bodies(summary):
         return []
@@ -417,7 +431,7 @@ def _boundaries(summary: Summary) -> Lines:
             entry["friction_moment"] is not None
             and entry["tangential_force"] < NEGLIGIBLE * entry["pressure_integral"]
         ):
-            # It is the moment that is transmitted.
+            # The boundary transmits the moment.
             force = f"a moment of {np.linalg.norm(entry['friction_moment']):.6g} about its middle"
             limit = entry["moment_limit"]
         bonded = limit is None or np.isinf(limit)  # null in a file: infinite
@@ -428,7 +442,7 @@ def _boundaries(summary: Summary) -> Lines:
 
 
 def _rigid_bodies(summary: Summary) -> Lines:
-    """Return the motions of the rigid bodies, then the forces of the elastic body on them."""
+    """Return the motions of the rigid bodies, and the forces of the elastic body on them."""
     motions = Lines()
     forces = Lines()
     for body in summary["rigid_bodies"]:
@@ -455,8 +469,8 @@ def _preloads(summary: Summary) -> Lines:
 
 
 def _resultants(summary: Summary) -> Lines:
-    """Return the forces through the other boundaries with their lines of action, and the torque of
-    a section; those of contacts only if there are several.
+    """Return the forces through the other boundaries, with their lines of action or the torque of a
+    section; those of contacts only if there are several.
     """
     several = len(summary.get("contact_boundaries", ())) > 1
     kinematics = kinematics_of(summary)
@@ -481,8 +495,8 @@ def _resultants(summary: Summary) -> Lines:
 
 
 def _stress(summary: Summary) -> Lines:
-    """Return the larger one of the raw and the recovered von Mises stress, how much of the yield
-    stress it uses, and where.
+    """Return the larger one of the raw and the recovered von Mises stress, its place, and the
+    fraction of the yield stress that it uses.
     """
     largest = largest_von_mises(summary)
     if largest is None:
@@ -507,7 +521,7 @@ def _no_limit(largest: dict[str, Any]) -> str:
 
 
 def _plastic_strain(summary: Summary) -> Lines:
-    """Return the largest one and its place; or that nothing has yielded."""
+    """Return the largest plastic strain and its place, or that nothing has yielded."""
     largest = summary["plastic_strain"]
     return [
         "nothing has yielded"
@@ -517,7 +531,7 @@ def _plastic_strain(summary: Summary) -> Lines:
 
 
 def _utilisation(summary: Summary) -> Lines:
-    """Return the share, where it is reached, and what follows if it is above 1."""
+    """Return the fraction of the yield stress, its place, and advice if it exceeds 1."""
     largest = summary["utilisation"]
     exceeded = largest["value"] is not None and largest["value"] > 1
     yields = '; above the yield stress: use law = "j2"' if exceeded else ""
@@ -533,22 +547,22 @@ def _deformation(summary: Summary) -> Lines:
 
 
 def _cost(summary: Summary) -> Lines:
-    """Return the time that the error took, and the time of a smaller error, or why it is
-    unknown.
+    """Return the time that this error took and the time for a smaller error, or why there is no
+    forecast.
     """
     cost = summary["cost"]
     if cost.get("error") is None:
         return [f"no forecast: {cost['statement']}"]
     if (
         summary.get("status") == Status.OUT_OF_REACH.value
-    ):  # whatever the rate of the meshes so far promises
+    ):  # even if the observed rate suggests otherwise
         return [f"{cost['statement'].partition(';')[0]}; no finer mesh helps"]
     return [cost["statement"]]
 
 
 def _error(summary: Summary) -> Lines:
-    """Return the error of the results, guaranteed, estimated, or how to estimate it, and whether
-    that of load steps is beside it.
+    """Return the error of the results, guaranteed or estimated, or how to estimate it, and the
+    error of time steps.
     """
     if not validity_of(summary).solved:
         return []
@@ -562,7 +576,7 @@ def _error(summary: Summary) -> Lines:
 
 
 def _error_of_mesh(summary: Summary) -> str:
-    """Return what the mesh leaves, in words."""
+    """Return the discretisation error as text."""
     relative = (summary.get("error_bound") or {}).get("relative_error")
     if relative is not None:
         return f"at most {percent(relative)} of the energy norm, guaranteed"
@@ -576,9 +590,7 @@ def _error_of_mesh(summary: Summary) -> str:
         return f"{', '.join(errors)}, estimated"
     of_stress = (summary.get("stress") or {}).get("error")
     cost = summary.get("cost") or {}
-    if (
-        of_stress is None and cost.get("of") == "energy"
-    ):  # without fields the stress itself is not told
+    if of_stress is None and cost.get("of") == "energy":  # without fields the summary has no stress
         of_stress = cost.get("error")
     if of_stress is not None:
         return f"of the stress {percent(of_stress)} in the mean, estimated"
@@ -607,7 +619,7 @@ def _certificate(summary: Summary) -> Lines:
 
 
 def _left(summary: Summary) -> Lines:
-    """Return the error of the penalties: penetration and elastic slip."""
+    """Return the error due to the penalties: penetration and elastic slip."""
     figures = summary["certificate"]
     penetration = f"{figures['penetration']:.1e}"
     slip = f"{figures['stick_slip']:.1e}"
@@ -624,14 +636,13 @@ def _effort(summary: Summary) -> Lines:
     return [f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s"]
 
 
-# So many warnings are printed without --verbose.
+# Largest number of warnings that are printed without --verbose.
 _MOST_WARNINGS = 3
 
 
 def short_answer(summary: Summary, folder: Path | None = None) -> list[TerminalLine]:
-    """Return what ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first
-    warnings, what to do unless it is a solution, the figures that are asked for first, and the
-    folder where the results are, if there is one.
+    """Return what ``solve`` prints without ``--verbose``, in 80 columns: outcome, first warnings,
+    advice unless it is a solution, the main results, and the result folder if there is one.
     """
     warnings = warning_lines(summary)
     if (more := len(warnings) - _MOST_WARNINGS) > 0:
@@ -646,10 +657,10 @@ def short_answer(summary: Summary, folder: Path | None = None) -> list[TerminalL
 
 
 def _narrow(line: TerminalLine) -> list[TerminalLine]:
-    """Return a line with a short label, in 80 columns; a longer label ends with a colon."""
+    """Return a line in 80 columns with a short label; a longer label ends with a colon."""
     label = line.begin.strip()
     begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
-    # An error stays beside its number.
+    # Keep an error on the line of its number.
     whole = printable(line.text).replace(" +- ", "\N{NO-BREAK SPACE}+-\N{NO-BREAK SPACE}")
     texts = textwrap.wrap(whole, COLUMNS - len(begin))
     return [
@@ -663,14 +674,14 @@ def _narrow(line: TerminalLine) -> list[TerminalLine]:
 
 
 def heading(summary: Summary) -> TerminalLine:
-    """Return the first line: the title and the outcome."""
+    """Return the first line: title and outcome."""
     good = summary["converged"] and not summary["incomplete"]
     title = printable(summary["title"]) or "scene"
     return TerminalLine(f"{title}: {status_in_words(summary)}", kind="good" if good else "")
 
 
 def outcome_lines(summary: Summary) -> list[TerminalLine]:
-    """Return the load step of the results, and what to do unless it is a solution."""
+    """Return the load step of the results, and the advice unless it is a solution."""
     lines = [row("results of", results_of(summary))] if "results_of" in summary else []
     return (
         lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
@@ -678,7 +689,7 @@ def outcome_lines(summary: Summary) -> list[TerminalLine]:
 
 
 def effect_lines(summary: Summary) -> list[TerminalLine]:
-    """Return the notes of what else happens from step to step, such as wear, under their keys."""
+    """Return the notes about effects from step to step, such as wear, under their keys."""
     notes = [found for found in summary["findings"] if found["level"] == "note"]
     keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]
     return [row(key, message) for key, message in keyed if key in names_of(STEP_EFFECTS)]

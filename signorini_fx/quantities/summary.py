@@ -1,5 +1,5 @@
 """summary.json as pydantic models, from which its schema, its table in the documentation and its
-reading are made, and the quantities that other packages add to it; without FEniCSx.
+reader are made, and the quantities that other packages add to it; without FEniCSx.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from signorini_fx.machine.display import dataframe, with_error
 from signorini_fx.machine.result_files import folder_path, read_csv, read_summary
 
 SCHEMA_VERSION = 1
-# How it begins that a number has none.
+# The beginning of the reason why a number has no finite value.
 NO_FINITE_VALUE = "no finite value: "
 
 
@@ -42,13 +42,16 @@ class Row(BaseModel):
 
 
 def described(text: str, **limits: Any) -> Any:
-    """Return a key that is always there; ``text`` says what it means."""
+    """Return the field of a key that is always present, with its description."""
     return Field(description=text, **limits)
 
 
 def perhaps(text: str = "", unit: str = "") -> Any:
-    """Return a key that may be absent, and what its value is measured in, a word of
-    ``units.names_of``.
+    """Return the field of a key that may be absent.
+
+    Args:
+        text: its description.
+        unit: what its value is measured in, a key of ``units.names_of``.
     """
     return Field(
         default=None, description=text or None, json_schema_extra={"unit": unit} if unit else None
@@ -355,7 +358,7 @@ class PrintedNumber(Row):
         return self.told()
 
     def told(self, unit: str = "") -> str:
-        """Return the number, its error and why it is so, in words."""
+        """Return the number with its error and the reason, as text."""
         if self.error is None and self.why is not None and self.why.startswith(NO_FINITE_VALUE):
             return self.why
         text = f"{with_error(self.value, self.error)} {unit}".rstrip()
@@ -390,8 +393,8 @@ class CostOfAccuracy(Row):
 
 
 def _with_components(schema: dict[str, Any]) -> None:
-    """Forces and motions by axis, of several contacts between bodies with the boundary behind a
-    blank.
+    """Allow further keys in the schema of steps: forces and motions by axis, followed by a space
+    and the boundary if there are several contacts between bodies.
     """
     _closed(schema)
     schema["additionalProperties"] = {"type": ["number", "null"]}
@@ -556,9 +559,9 @@ class Results:
     """The content of a result folder.
 
     Attributes:
-        path: of the folder.
-        summary: summary.json: each key is an attribute, rows of lists too; None: there is no such
-            key.  Quantities that are not installed are there as they are in the file.
+        path: the folder.
+        summary: summary.json, with each key as an attribute, also in rows of lists; None: the key
+            is absent. Quantities that are not installed are kept as they are in the file.
     """
 
     path: Path
@@ -593,7 +596,8 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
     """Read a result folder.
 
     Raises:
-        ResultError: it is none, or its summary is not as ``solve`` writes it.
+        ResultError: it is not a result folder, or its summary does not have the format that
+            ``solve`` writes.
 
     Examples:
         >>> import tempfile
@@ -615,15 +619,14 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
 
 
 class Quantity:
-    """A result of your own: a class derived from this one sets ``key`` and ``title`` and has the
-    method ``value``.
+    """A result of your own: derive a class that sets ``key`` and ``title`` and defines ``value``.
 
-    It is in summary.json, on the terminal, in the report, and in steps.csv if it is a number.
+    It appears in summary.json, on the terminal, in the report, and in steps.csv if it is a number.
 
     Attributes:
         key: its name in summary.json.
-        title: what it is, in words.
-        unit: what it is measured in, a word of ``units.names_of`` such as ``force``; "": it has no
+        title: its description.
+        unit: what it is measured in, a key of ``units.names_of`` such as ``force``; "": it has no
             unit.
 
     Examples:
@@ -660,8 +663,10 @@ def own_quantities() -> tuple[Quantity, ...]:
 
 @cache
 def _usable(name: str, extension: Any) -> Quantity:
-    """Return a quantity from an object, or from a class that needs no arguments, with a key that is
-    not taken.
+    """Return a quantity from an object, or from a class that needs no arguments.
+
+    Raises:
+        InstallationError: it is no quantity, or its key is not its name or is taken already.
     """
     quantity = extension() if isinstance(extension, type) else extension
     if not isinstance(quantity, Quantity) or not isinstance(getattr(quantity, "title", None), str):

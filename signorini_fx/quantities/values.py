@@ -1,4 +1,4 @@
-"""The results of a solution, as summary.json and steps.csv have them; those of the run are in
+"""The values of results for summary.json and steps.csv; those about the run are in
 ``results.summary``.
 """
 
@@ -14,7 +14,7 @@ from signorini_fx.machine import parallel
 
 
 def of_results(solution: Any) -> dict[str, Any]:
-    """Return the values of the keys that need the solution alone; collective."""
+    """Return the values of all keys that need nothing but the solution; collective."""
     contact = solution.contact
     known = {
         **({} if contact is None else _of_contact(solution)),
@@ -69,10 +69,10 @@ def _of_contact(solution: Any) -> dict[str, Any]:
 
 
 def _zones(table: Any) -> dict[str, Any]:
-    """Return the zones on the contact boundary of a body in 2D, from node to node."""
+    """Return the contact, stick and slip zones of a 2D body, from node to node."""
     columns = table.columns
     touching = columns["state"] != "open"
-    # Tresca friction acts on open nodes too, which are no zone of the contact.
+    # Tresca friction acts on open nodes as well, which do not belong to the contact.
     acting = (columns["bound"] > 0) & touching
     return {
         "contact": table.zones(touching),
@@ -82,7 +82,7 @@ def _zones(table: Any) -> dict[str, Any]:
 
 
 def of_fields(solution: Any) -> dict[str, Any]:
-    """Return the values of the stress, for which fields must be written; collective."""
+    """Return the values of the stress, which exist only if fields are written; collective."""
     stress = solution.known_stress
     if stress is None:
         return {}
@@ -95,8 +95,8 @@ def of_fields(solution: Any) -> dict[str, Any]:
 
 
 def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
-    """Return the functions of those that the scene asks for and that are computed once the results
-    stand, so that a failure is a warning.
+    """Return functions for values that are computed after the results are written, so that a
+    failure is only a warning.
     """
     functions: dict[str, Callable[[Any], Any]] = {}
     if solution.contact is not None:
@@ -110,7 +110,7 @@ def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
     return functions
 
 
-# How the statement begins where there is no bound.
+# The beginning of the statement if there is no bound.
 NO_BOUND = "none: "
 
 
@@ -136,8 +136,8 @@ def of_step(solution: Any) -> dict[str, Any]:
 
 
 def _of_contact_in_step(solution: Any) -> dict[str, Any]:
-    """Return the contact values of a load step by axis, and by boundary where a sum over boundaries
-    has no meaning.
+    """Return the contact values of a load step by axis, and by boundary if their sum has no
+    meaning; collective.
     """
     contact = solution.contact
     parts = solution.model.contacts
@@ -157,8 +157,8 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     ]
     for name, boundary in closed:
         columns |= _by_axis("pressure_integral", [boundary.pressure_integral], [name])
-    # A rank without contact nodes has none, and where contact only pulls the largest pressure is
-    # below zero.
+    # Not 0 as the initial value: a rank may have no contact nodes, and if contact only pulls, the
+    # largest pressure is negative.
     columns["max_pressure"] = parallel.largest(
         contact.boundary.comm, contact.pressure[contact.boundary.at_nodes], -np.inf
     )
@@ -176,15 +176,15 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
 
 
 def _boundaries(contacts: Sequence[Any]) -> list[str]:
-    """Return the contact boundaries whose forces have no sum that acts on one body; none: they have
-    one.
+    """Return the names of the contact boundaries if the sum of their forces acts on no single body,
+    otherwise an empty list.
     """
     names = [effect.boundary for effect in contacts]
     return names if len(names) > 1 and any(effect.against for effect in contacts) else []
 
 
 def _by_axis(key: str, values: Sequence[Any], names: Sequence[str]) -> dict[str, float]:
-    """Numbers under their key, vectors with an entry for each axis."""
+    """Return numbers under their key, and vectors as one entry for each axis."""
     columns = {}
     for name, value in zip(names or [""], values, strict=True):
         of = f" {name}" if name else ""

@@ -268,7 +268,8 @@ def _repeated(entry: Any, times: int) -> Any:
 def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int:
     """Return the number of factors of each load.
 
-    Without factors it is the number of times, if anything depends on the time, otherwise one.
+    Without factors it is the number of times, if anything depends on the time, otherwise the
+    largest number of ``holds``, otherwise one.
     """
     entries = [entry for several in effects.values() for entry in several]
     loads = [entry for entry in entries if isinstance(entry, Load)]
