@@ -1,8 +1,8 @@
 """Signorini contact with Tresca and Coulomb friction on FEniCSx, by the semi-smooth Newton method
 of Kunisch & Stadler.
 
-``from signorini_fx import Scene, read_scene, solve``.  dolfinx is imported when it is first needed,
-not before.
+Use ``from signorini_fx import Scene, read_scene, solve``. dolfinx is imported only when it is first
+needed.
 
 The examples of the public names begin with these lines::
 
@@ -31,7 +31,7 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-# The module of each public name is stated once: in the stub, which type checkers read, too.
+# The module of each public name stands only in the stub, which type checkers read as well.
 with open(f"{__file__}i", encoding="utf-8") as _stub:
     _IMPORTS = [line.split() for line in _stub if line.startswith("from ")]
 _PUBLIC = {name: module for _, module, _, name, *_ in _IMPORTS}

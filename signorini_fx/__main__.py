@@ -1,4 +1,4 @@
-"""``python3 -m signorini_fx`` is the command ``signorini-fx``."""
+"""The entry point of ``python3 -m signorini_fx``, which runs the command ``signorini-fx``."""
 
 import sys
 

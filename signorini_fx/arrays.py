@@ -1,5 +1,5 @@
-"""The types of numpy arrays, by their entries, and of values; lengths and products of rows, and
-sides of polygons.
+"""Type aliases of numpy arrays and of values; lengths and products of rows, and sides of
+polygons.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int32]  # local numbers of nodes, cells and facets, as dolfinx has them
+Indices = npt.NDArray[np.int32]  # local numbers of nodes, cells and facets in dolfinx
 Ints = npt.NDArray[np.int64]
-Integers = npt.NDArray[np.signedinteger]  # local or global
-Column = npt.NDArray[Any]  # of a table, numbers or text
-Columns = Mapping[str, Column]  # by their names
-# A field in UFL, such as a Function or a Constant, and one in UFL or by its values at points.
+Integers = npt.NDArray[np.signedinteger]  # local or global numbers
+Column = npt.NDArray[Any]  # a column of a table, numbers or text
+Columns = Mapping[str, Column]  # columns by name
+# A field in UFL, such as a Function or a Constant; and a field in UFL or as values at points.
 Expr: TypeAlias = "ufl.core.expr.Expr"
 FieldValue: TypeAlias = "Expr | Array"
 # A number, a function of points of shape (3, n), such as an ``Expression``, or UFL.
@@ -28,12 +28,12 @@ Value: TypeAlias = "float | Callable[[Array], npt.ArrayLike] | Expr"
 
 
 def length(vectors: Array) -> Array:
-    """Euclidean length of each row, shape (n,); exact for rows of one component."""
+    """Return the Euclidean length of each row, shape (n,); exact for rows of one component."""
     return np.hypot.reduce(vectors, axis=1, initial=0.0)
 
 
 def inner(a: Array, b: Array) -> Array:
-    """Scalar product of each pair of rows, shape (n,)."""
+    """Return the scalar product of each pair of rows, shape (n,)."""
     return np.einsum("ij,ij->i", a, b)
 
 
@@ -43,8 +43,8 @@ def matvec(matrices: npt.NDArray[Any], vectors: Array) -> Array:
 
 
 def rmatvec(matrices: npt.NDArray[Any], vectors: Array) -> Array:
-    """Return the transpose of each of n matrices of shape (n, i, j) times its vector of shape
-    (n, i).
+    """Return the transpose of each of n matrices of shape (n, i, j) times its vector of shape (n,
+    i).
     """
     return np.einsum("nij,ni->nj", matrices, vectors)
 
@@ -55,7 +55,7 @@ def diagonal(points: Array) -> float:
 
 
 def extents(corners: Array) -> Array:
-    """Return the lengths of the diagonals of the boxes around m times k corners of shape (m, k, d),
+    """Return the diagonal of the bounding box of each of m sets of corners, shape (m, k, d), as
     shape (m,).
     """
     sizes = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -63,8 +63,9 @@ def extents(corners: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """Return each row over its length; the first axis where a row is zero.  In R^1: the sign, +1
-    for zero.
+    """Return each row divided by its length; rows of zeros become the first unit vector.
+
+    In R^1 it is the sign, +1 for zero.
     """
     size = length(vectors)
     units = np.zeros_like(vectors)
@@ -79,8 +80,8 @@ def quotient(
     *,
     otherwise: npt.ArrayLike = 0.0,
 ) -> Array:
-    """Return dividend / divisor where the divisor is positive, or at other entries, ``where``;
-    elsewhere another value.
+    """Return dividend / divisor where the divisor is positive, or at the entries ``where``, and the
+    value ``otherwise`` at all others.
     """
     below = np.asarray(divisor)
     found = np.full(np.broadcast_shapes(np.shape(dividend), below.shape), otherwise, np.float64)
@@ -89,5 +90,7 @@ def quotient(
 
 
 def sides_of(polygons: Ints) -> Ints:
-    """Return both ends of each side of polygons by their corners in order, shape (m, k, 2)."""
+    """Return the two ends of each side of polygons, shape (m, k, 2), from their corners in order,
+    shape (m, k).
+    """
     return np.stack((polygons, np.roll(polygons, -1, axis=1)), axis=2)

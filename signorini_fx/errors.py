@@ -1,4 +1,4 @@
-"""The errors that this package raises; each message says what to do."""
+"""The errors that this package raises; each message includes what to do."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SceneError(SignoriniError):
     """The scene is wrong.
 
     Attributes:
-        problems: every error found, as (path of the key in the scene, what is wrong and what is
+        problems: all errors, each as (path of the key in the scene, what is wrong and what is
             allowed).
 
     Examples:
@@ -34,7 +34,7 @@ class SceneError(SignoriniError):
         2 ('young', 'must be greater than 0, got -1.0')
     """
 
-    _of = "scene"  # what is wrong, unless a source is named
+    _of = "scene"  # what messages name as wrong, unless a source is given
 
     def __init__(self, problems: list[tuple[str, str]], source: str | None = None) -> None:
         source = self._of if source is None else source
@@ -53,11 +53,13 @@ class SceneError(SignoriniError):
         return cls([(path, message)], source)
 
     def of(self, source: object) -> SceneError:
-        """Return the same errors for a scene that is called ``source``."""
+        """Return the same errors for a scene with the name ``source``."""
         return SceneError(self.problems, str(source))
 
     def __reduce__(self) -> tuple[type, tuple[list[tuple[str, str]], str]]:
-        """Errors travel between ranks."""
+        """Return the class and the arguments of its constructor, as errors are sent between
+        ranks.
+        """
         return type(self), (self.problems, self.source)
 
 
@@ -76,7 +78,7 @@ class FormError(SceneError, ValueError):
 
 
 def together(*checks: Callable[[], Any]) -> list[Any]:
-    """Return what independent checks return; the problems of all of them are raised as one
+    """Return the results of independent checks; the problems of all of them are raised as one
     SceneError.
     """
     results = []
@@ -114,8 +116,8 @@ class OptionsError(SignoriniError):
 
 
 class MachineError(SignoriniError):
-    """The machine lacks what every solve needs: a C compiler, memory, a folder that can be
-    written.
+    """The machine lacks something that every solve needs: a C compiler, memory, or a writable
+    folder.
 
     Examples:
         >>> error = sfx.MachineError("no compiler")
@@ -128,7 +130,7 @@ class OutputError(SignoriniError):
     """A result cannot be written."""
 
 
-# What draws bodies in 3D, for messages.
+# The package that draws bodies in 3D, for messages.
 PYVISTA = "PyVista with VTK 9.4 or later (pip install pyvista)"
 
 
@@ -143,13 +145,15 @@ class PictureError(SignoriniError):
 
 
 def cannot_be_written(path: object, error: Exception) -> OutputError:
-    """Return the error of a file or folder that cannot be written, with the system's reason."""
+    """Return the error for a file or folder that cannot be written, with the reason from the
+    system.
+    """
     reason = getattr(error, "strerror", None) or str(error)
     return OutputError(f"{path}: cannot be written: {reason}")
 
 
 class ResultError(SignoriniError):
-    """A result folder cannot be read: it is not a result folder, or it is incomplete."""
+    """A folder cannot be read as a result folder, or is incomplete."""
 
 
 class InstallationError(SignoriniError, ImportError):
@@ -175,7 +179,7 @@ FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
 
 
 def check_fenicsx() -> None:
-    """Raise ``InstallationError`` if a part of FEniCSx is not installed; ``compat`` checks its
+    """Raise an ``InstallationError`` if a part of FEniCSx is not installed; ``compat`` checks its
     version.
     """
     missing = [name for name in FENICSX if find_spec(name) is None]
@@ -191,8 +195,8 @@ _WAYS = """\
 
 
 def needs_fenicsx(message: str) -> InstallationError:
-    """Return the error of an installation whose FEniCSx is missing, too old, or lacks something; it
-    says where to get it.
+    """Return the error for a FEniCSx that is missing, too old, or incomplete, with the ways to
+    install it.
     """
     return InstallationError(
         f"{message}: FEniCSx with dolfinx >= 0.9 is needed. Install it by one of\n{_WAYS}"

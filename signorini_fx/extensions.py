@@ -1,8 +1,7 @@
-"""What other packages add to this one: objects that they name as entry points, or that a program
+"""Extensions by other packages: objects that they name as entry points, or that a program
 registers.
 
-The add-ons of this package, which the rest of it works without, are such a group of entry points,
-too.
+The optional add-ons of this package are such a group of entry points, too.
 """
 
 from __future__ import annotations
@@ -43,19 +42,19 @@ GROUPS = (
 )
 _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
-# What has to know of each name that a program registers in a group.
+# Functions to call with each name that a program registers in a group.
 _listeners: dict[str, list[Callable[[str], None]]] = {}
 
 _Base = TypeVar("_Base")
 
 
 def register(group: str, name: str, extension: Any) -> None:
-    """Make an object of this program known under a name, as an entry point of an installed package
-    would be.
+    """Make an object of this program available under a name, like an entry point of an installed
+    package.
 
     Args:
-        group: such as ``"signorini_fx.linear_solvers"``.
-        name: by which scenes and settings name it; an older one of the same name is replaced.
+        group: the group, such as ``"signorini_fx.linear_solvers"``.
+        name: the name in scenes and settings; it replaces an earlier object of the same name.
         extension: the object.
 
     Raises:
@@ -75,12 +74,16 @@ def on_registered(group: str, listener: Callable[[str], None]) -> None:
 
 
 def names_of(group: str) -> tuple[str, ...]:
-    """Return the names in a group, ascending."""
+    """Return the names in a group, sorted."""
     return tuple(sorted({*_installed(tuple(sys.path))[group], *_registered.get(group, {})}))
 
 
 def load(group: str, name: str) -> Any:
-    """Return the object of a name in ``names_of``; InstallationError: it cannot be imported."""
+    """Return the object of a name in ``names_of``.
+
+    Raises:
+        InstallationError: it cannot be imported.
+    """
     if name in _registered.get(group, {}):
         return _registered[group][name]
     entry = _installed(tuple(sys.path))[group][name]
@@ -94,8 +97,10 @@ def load(group: str, name: str) -> Any:
 
 
 def load_class(group: str, name: str, base: type[_Base]) -> type[_Base]:
-    """Return the class of a name in ``names_of``, which must have a base class of this package;
-    else InstallationError.
+    """Return the class of a name in ``names_of``.
+
+    Raises:
+        InstallationError: it is not a class derived from ``base``.
     """
     extension = load(group, name)
     if not (isinstance(extension, type) and issubclass(extension, base)):
@@ -107,13 +112,15 @@ def load_class(group: str, name: str, base: type[_Base]) -> type[_Base]:
 
 
 def is_of_package(kind: type) -> bool:
-    """Return whether a class is one of this package, and not one of a user's own."""
+    """Return whether a class belongs to this package."""
     return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def add_on(name: str) -> Any:
-    """Return what an add-on of this package does, by its name in pyproject.toml; InstallationError:
-    it, or a package that it needs, is not installed.
+    """Return the object of an add-on of this package by its name in pyproject.toml.
+
+    Raises:
+        InstallationError: the add-on, or a package that it needs, is not installed.
     """
     entry = _installed(tuple(sys.path))[ADD_ONS].get(name)
     if entry is None:
@@ -133,8 +140,9 @@ def add_on(name: str) -> Any:
 
 @cache
 def _installed(_path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Return the entry points on the path of Python by group, which takes milliseconds, once; ours
-    also where the package is not installed.
+    """Return the entry points by group; those of this package also if it is not installed.
+
+    The result is cached for each Python path, as the search takes milliseconds.
     """
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
     own: dict[str, dict[str, str]] = stated.get("project", {}).get("entry-points", {})

@@ -1,4 +1,4 @@
-"""Outcomes and records of a solve.  Plain data, no solver types."""
+"""Outcomes and records of a solve: plain data without solver types."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ def _on_first_rank(_: logging.LogRecord) -> bool:
     return started_as_root()
 
 
-# The log of solves: linear solves are its details (DEBUG), all else INFO.
+# The log of solves: linear solves at level DEBUG, all else at INFO.
 _LOG = logging.getLogger("signorini_fx")
 _LOG.addFilter(_on_first_rank)
 
-# How an event begins that is about a requested accuracy.
+# The beginning of events about a requested accuracy.
 ACCURACY = "accuracy: "
-# How the reason begins why a scene has no requested accuracy.
+# The beginning of the reason why an accuracy cannot be requested.
 NO_ACCURACY = "a requested accuracy "
-# How events begin that say how long load steps must be in which friction falls with the speed: of
-# one that has failed, and of one with a solution that may not be the only one.
+# The beginnings of events about the length of load steps with friction that falls with the speed:
+# of a failed step, and of one whose solution may not be unique.
 TOO_SHORT = "friction falls faster than the body gives way in a load step: "
 MAY_JUMP = "friction falls with the speed, so that sliding may jump within a load step: "
 
-# The figures of a certificate that decide.
+# The figures of a certificate that decide whether it holds.
 JUDGED = (
     "equilibrium",
     "supports",
@@ -47,15 +47,15 @@ JUDGED = (
     "slip_below_bound",
     "coupling",
 )
-# The others give the regularisation error, and how far the body moves.
-# What a note says of load steps whose error in time is not estimated.
+# The text of a note if the error of load steps in time is not estimated.
 STEPS_UNESTIMATED = "the error of the load steps is not estimated"
 
+# The other figures: the regularisation error, and how far the body moves.
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 
 
 class Status(Enum):
-    """The outcome of a solve.  Every member has a sentence that tells the user what to do.
+    """The outcome of a solve; each has an ``advice``.
 
     Examples:
         >>> print(solution.status is sfx.Status.CONVERGED, solution.status.value)
@@ -100,7 +100,7 @@ class Status(Enum):
 
     @property
     def advice(self) -> str:
-        """Return what to do about this outcome."""
+        """What to do about this outcome."""
         return _ADVICE[self]
 
 
@@ -245,8 +245,8 @@ _ADVICE = {
 
 # The outcomes of a certified solution that is less accurate than required.
 SHORT_OF_ACCURACY = (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH, Status.COARSER)
-# What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is
-# one that is too large.  A coarser mesh does not refute this.
+# Outcomes that hold for the body itself: statics excludes a solution, or its deformation is too
+# large. A solution on a coarser mesh does not refute them.
 OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.TOO_LARGE)
 
 
@@ -265,7 +265,7 @@ class IterationRecord:
         changed: number of nodes whose state changes in this solve, i.e. between sets k and k + 1.
         residual: Euclidean norm of the residual after this solve with the new sets, relative to the
             acting forces.
-        factorised: whether the matrix had to be factorised again for it.
+        factorised: whether the matrix was factorised again.
         seconds: wall time since the solve began, on this rank.
     """
 
@@ -297,10 +297,10 @@ class OuterRecord:
     Attributes:
         step: number of the load step, from 1.
         outer: running number from 0.
-        linear_solves: inner linear solves that it took.
+        linear_solves: number of its linear solves.
         gamma_n: gamma_1 of the problem, stress per length; infinite where it is not regularised.
         change: the quantity in the stopping criterion of the outer algorithm (FP: d_g of section
-            7), None while undefined.
+            7); None: not defined yet.
         status: how the inner solve ended.
     """
 
@@ -319,7 +319,7 @@ class OuterRecord:
 
 @dataclass
 class Timings:
-    """Wall seconds by phase, on this rank, of this run and of the one that it goes on from."""
+    """Wall seconds by phase on this rank, of this run and of the run that it continues."""
 
     seconds: dict[str, float] = field(
         default_factory=dict
@@ -327,8 +327,8 @@ class Timings:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Add the time spent inside the ``with`` block to the phase ``name``, and what of it is
-        spent on compilation to ``compile``.
+        """Add the time spent inside the ``with`` block to the phase ``name``; time spent on
+        compilation is added to ``compile`` instead.
         """
         start = time.perf_counter()
         compiled = seconds_compiled()
@@ -373,14 +373,14 @@ class History:
     Attributes:
         iterations: one record per linear solve.
         outer: one record per regularised problem.
-        events: decisions that a user should know about, such as a fall-back.
-        observers: called with each new record or event, and when a load step begins, to show
-            progress.
-        limit: the number of linear solves at which all methods end; infinite: none.
-        is_late: whether the time that the solve may take has passed, the same on all ranks;
+        events: messages about decisions of the solver, such as a fall-back.
+        observers: functions that are called with each new record or event, and when a load step
+            begins, to show progress.
+        limit: the number of linear solves at which all methods end; infinite: no limit.
+        is_late: returns whether the time limit of the solve has passed, the same on all ranks;
             collective.
-        late: whether it was found to have passed; then all methods end as well.
-        step: number of the load step that the solve is at, from 1.
+        late: whether the time limit has passed; then all methods end as well.
+        step: number of the present load step, from 1.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
@@ -394,24 +394,22 @@ class History:
 
     @property
     def linear_solves(self) -> int:
-        """Linear solves so far."""
+        """The number of linear solves so far."""
         return len(self.iterations)
 
     def overdue(self) -> bool:
-        """Return whether the time has passed; called before each linear solve; collective."""
+        """Return whether the time limit has passed; called before each linear solve; collective."""
         self.late = self.late or self.is_late()
         return self.late
 
     @property
     def exhausted(self) -> bool:
-        """Return whether neither linear solves nor time are left; collective."""
+        """Whether the limit of linear solves or of time is reached; collective."""
         return self.linear_solves >= self.limit or self.overdue()
 
     @contextmanager
     def at_most(self, solves: float) -> Iterator[None]:
-        """Allow this many linear solves inside the ``with`` block, and no more than a block around
-        it allows.
-        """
+        """Limit the linear solves inside the ``with`` block, in addition to any limit around it."""
         outer = self.limit
         self.limit = min(outer, self.linear_solves + solves)
         try:
@@ -420,7 +418,7 @@ class History:
             self.limit = outer
 
     def add(self, record: Record) -> None:
-        """Store a record or an event and show it."""
+        """Store a record or an event, log it, and pass it to the observers."""
         match record:
             case IterationRecord():
                 self.iterations.append(record)
@@ -428,7 +426,7 @@ class History:
                 self.outer.append(record)
             case str():
                 self.events.append(record)
-            case StepRecord():  # the results have a table of their own
+            case StepRecord():  # results have their own table of load steps
                 self.step = record.step
         level = logging.DEBUG if isinstance(record, IterationRecord) else logging.INFO
         _LOG.log(level, "%s", record)
@@ -438,14 +436,14 @@ class History:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to know about a scene or its result.
+    """A warning or a note about a scene or its result.
 
     Attributes:
         level: a warning needs attention, a note does not.
         path: key of the scene that it concerns.
         message: what is wrong, and what to do.
-        ended: how the load step ends that has no equilibrium, in a few words, such as: upper
-            slides on lower; "": it has one, or nothing moves.
+        ended: for a load step without equilibrium, how it ends in a few words, such as: upper
+            slides on lower; "": there is an equilibrium, or nothing moves.
     """
 
     level: Literal["warning", "note"]

@@ -1,13 +1,13 @@
-"""Constants that were tuned: what each does, and where it comes from.
+"""Tuned constants: the meaning of each, and where it comes from.
 
 Coefficients of a formula are in the formula, and the styles of lines where they are used.  No
-constant here is a length, a stress or a time: each is a share, a factor, a power or a count, except
-in the estimate of costs, which describes a machine, and where a unit is given.
+constant here is a length, a stress or a time: each is a fraction, a factor, a power or a count,
+except in the estimate of costs, which describes a machine, and where a unit is given.
 
-*Choice* means that a value follows from reasoning alone; *no record* means that whoever changes it
-has to measure. Unless it says otherwise a constant was tuned in 2D, on Examples 1 and 2 of Kunisch
-& Stadler (2005) and Hertz's problem (``demos/scenes``), and on random scenes
-(``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were tuned in 3D.
+*Choice* means that a value follows from reasoning alone; *no record* means that it was never
+measured: whoever changes it has to measure.  Unless stated otherwise a constant was tuned in 2D, on
+Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on random
+scenes (``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were tuned in 3D.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LARGEST_GAMMA = 1e9
 # Path-following begins at this times E / size, where the penetration is a hundredth of the
 # displacements.  Choice.
 START_GAMMA = 100.0
-# Continuation, and augmentation as a fall-back, begin at this share of the last gamma.  Source:
+# Continuation, and augmentation as a fall-back, begin at this fraction of the last gamma. Source:
 # Table 4 of the paper.
 CONTINUATION_SHARE = 1e-4
 # The regularisation error of path-following, relative to the estimated discretisation error, by
@@ -34,11 +34,11 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
 # --- fall-backs and the augmented Lagrangian method -----------------------------------------------
 
-# Linear solves of a load step with all fall-backs at most, as of so many problems up to their last
-# iteration.  Choice.
+# A load step with all fall-backs may take as many linear solves as this number of problems, each up
+# to its limit of iterations. Choice.
 PROBLEMS_PER_STEP = 40
-# A load step of a ramp takes at most this many times the linear solves of the last one with a
-# solution before a smaller increment is tried, and the last attempt this many times those.  Choice.
+# A load step of a ramp may take this many times the linear solves of the last solved one before a
+# smaller increment is tried; the last attempt may take this many times more again. Choice.
 FAILED_STEP = 3
 
 # Factor by which gamma is increased from one problem to the next, by which both gammas may differ,
@@ -48,33 +48,33 @@ GAMMA_GROWTH = 10.0
 
 # --- linear algebra and nested iteration ----------------------------------------------------------
 
-# With fewer unknowns factorisations cost no more than to condense;
+# With fewer unknowns a factorisation costs no more than condensation. Source:
 # docs/evidence/linear_algebra_in_space.csv of 75fb70cb.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Three dense matrices of this many unknowns take 0.6 GB, on each rank.
 MOST_CONDENSED_UNKNOWNS = 5_000
-# Of a nonlinear body in 3D contact points are condensed onto that are nearer to their shapes than
-# this many times the largest motion to be expected; answers do not depend on it.  Source:
+# A nonlinear body in 3D is condensed onto the contact points that are closer to their shapes than
+# this many times the largest expected motion; results do not depend on it. Source:
 # docs/evidence/nonlinear_costs.csv of 5403cefd.
 RETAINED_REACH = 0.5
-# From this number of unknowns on a Krylov method is taken in 3D; the second where the system can be
-# condensed.  Source: docs/evidence/linear_algebra_in_space.csv of 75fb70cb.
+# Number of unknowns from which on a Krylov method is used in 3D; the second if the system can be
+# condensed. Source: docs/evidence/linear_algebra_in_space.csv of 75fb70cb.
 FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
-# From this number of unknowns on a body with a Krylov method is assembled by blocks, and a coarsest
-# mesh with more is coarsened further by aggregation.  Choice.
+# Number of unknowns from which on a body with a Krylov method is assembled by blocks, and a
+# coarsest mesh is coarsened further by aggregation. Choice.
 FEWEST_BLOCK_UNKNOWNS = 3_000
-# How far ahead of their use entries of blocks are asked for, in bytes; from 1,100 to 7,200 times
-# differ by a tenth.
+# Prefetch distance of the entries of blocks, bytes; between 1,100 and 7,200 times differ by a
+# tenth.
 PREFETCHED_BYTES = 3_600
-# Above this Poisson's ratio a factorisation is taken: multigrid takes three times as many steps as
+# Poisson's ratio above which a factorisation is used: multigrid takes three times as many steps as
 # for 0.4.
 LARGEST_MULTIGRID_POISSON = 0.49
-# Left by a Krylov solve of its residual while the sets change.  Source:
+# Relative residual at which a Krylov solve ends while the active sets change. Source:
 # docs/evidence/whole_solves_in_space.csv of 75fb70cb.
 INEXACT_TOLERANCE = 0.03
-# Steps of a Krylov method at most: ten times as many as it was seen to take.  Choice.
+# Largest number of steps of a Krylov method: ten times the largest observed. Choice.
 KRYLOV_STEPS = 1000
-# A mesh is a level of multigrid for another one whose cells are between these many times smaller.
+# A mesh is a multigrid level for another mesh whose cells are smaller by a factor in this range.
 # Choice.
 FINER_LEVELS = (1.5, 3.0)
 
@@ -98,14 +98,14 @@ CORNER_ANGLE = 0.4
 # squared error.  Tuned on random scenes: with 0.05 and 0.1 some estimates were 0.63 and 0.67 of the
 # error.
 BOUNDARY_RESIDUAL_SHARE = 0.2
-# An error in the body reaches the contact pressure with its square, times about this: on divided
-# meshes 6.5 to 8.
+# The square of the error in the body, times about this, is its effect on the contact pressure: 6.5
+# to 8 on locally divided meshes.
 POLLUTION = 6.0
-# The same of the largest pressure.  Tuned on half disks and spheres
+# The same factor for the largest pressure. Tuned on half disks and spheres
 # (tests/accuracy/test_remade_meshes.py).
 POLLUTION_OF_PEAK = 2.0
-# Adjoint states of printed numbers are solved for on meshes with at most so many unknowns, where
-# they take a few milliseconds.
+# Largest number of unknowns with which adjoint states of printed numbers are solved for; they take
+# a few milliseconds.
 MOST_ADJOINT_UNKNOWNS = 5_000
 # --- convergence table: errors and costs from mesh to mesh ----------------------------------------
 
@@ -123,8 +123,8 @@ POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
 # The error of a force over the squared one of the displacement, at least, on divided meshes.  In 3D
 # 0.09 to 0.29.
 FORCE_OF_ENERGY = 0.12
-# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many
-# successive meshes, and hardly less (this share) on the last.  Fixed on random scenes.
+# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on GROWING_MESHES
+# successive meshes, and on the last by at least LASTING_SHARE of that. Fixed on random scenes.
 GROWING_MESHES = 2
 GROWTH_POWER = 0.05
 LASTING_SHARE = 0.6
@@ -135,103 +135,101 @@ SLOWEST_DECREASE = 0.95
 # docs/evidence/prediction.csv of 75fb70cb.
 TIME_POWER = {2: 1.2, 3: 1.6}
 MEMORY_POWER = {2: 1.1, 3: 1.3}
-# At least this share of the time is taken to grow: the previous mesh may have had a cold start.
-# Tuned by the same.
+# At least this fraction of the time is assumed to grow: the previous mesh may have had a cold
+# start. Tuned on the same file.
 LEAST_GROWING_TIME = 0.25
-# The forecast of what a smaller error costs is for this share of the error.  Choice.
+# Factor of the error for which the cost is forecast. Choice.
 NEXT_ERROR = {2: 0.1, 3: 1 / 3}
-# The error of the stress decreases like h to this power where all cells become smaller.
-# Source: docs/evidence/forecasts.csv at 05d7b176: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72
-# to 1.04.
+# Power of h with which the error of the stress decreases under uniform refinement. Source:
+# docs/evidence/forecasts.csv at 05d7b176: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
 UNIFORM_RATE = 0.8
-# A solve takes as long as if it had so many unknowns more, by dimension.  Tuned like the next three
+# Fixed cost of a solve, as a number of additional unknowns, by dimension. Tuned like the next three
 # on 46 runs of 36 problems of demos/studies/forecast_problems.py (f2e60129).
 FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
-# Meshes that are divided where the error is: unknowns of the first one, growth from each to the
-# next, and those of the mesh with the error of a uniform one, over the square root of the unknowns
-# of that, by dimension.
+# Adaptively divided meshes: unknowns of the first one; growth from each to the next; and, by
+# dimension, unknowns of the adaptive mesh with the error of a uniform one, over the square root of
+# the unknowns of the uniform one.
 FIRST_UNKNOWNS, LOCAL_GROWTH = 300.0, 1.7
 LAST_UNKNOWNS = {2: 14.0, 3: 38.0}
-# Meshes on the way take this many times as long as their solves.  Tuned on the problems of
+# Time of all intermediate meshes over the time of their solves. Tuned on the problems of
 # docs/evidence/forecasts.csv at 05d7b176.
 MESHES_TIMES = 1.8
-# Seconds foretold are known within these factors, the first where cells are divided in 2D: see
+# Factors within which forecast times are known, the first for adaptive division in 2D: see
 # docs/evidence/forecasts.csv.
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.1
 # --- solution to a given accuracy -----------------------------------------------------------------
 
-# Generated meshes begin with cells this many times as large as those of the scene, by degree.
+# Generated meshes begin with cells larger than those of the scene by this factor, by degree.
 # Choice.
 COARSER_START = {1: 4, 2: 8}
-# Estimates are multiplied by this, that of the displacement, by degree, by the second.
-# Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to
-# 1.85.
+# Safety factors of error estimates; the second, by degree, for the displacement. Source:
+# docs/evidence/effectivity.csv, where estimates over errors are 0.79 to 1.14 for the displacement
+# and 0.50 to 1.85 for the pressure.
 MARGIN = 2.0
 MARGIN_OF_ENERGY = {1: 1.7, 2: 1.4}
-# Share of the allowed error that the regularisation may take.  Choice.
+# Fraction of the allowed error that the regularisation may cause. Choice.
 REGULARISATION_SHARE = 0.2
-# By dimension: a mesh is at most this many times finer than the previous one; where meshes are
-# compared at least the second.  No record.
+# Largest refinement from one mesh to the next, by dimension, and the smallest one if errors are
+# estimated by comparing meshes. No record.
 LARGEST_JUMP = {2: 4.0, 3: 2.0}
 SMALLEST_JUMP = 1.5
-# Share of the squared error that is refined (Doerfler), from and to.  No record.
+# Range of the Doerfler fraction: the part of the squared error that is refined. No record.
 BULK = (0.5, 0.75)
 
 # --- check: what a solve will cost ----------------------------------------------------------------
 
-# Linear solves of one load step per log2 of the number of contact nodes, from and to; twice as many
-# with friction that follows the pressure.  Tuned on a sweep over Example 1 with 25 to 241 contact
+# Range of linear solves of one load step per log2 of the number of contact nodes; twice as many if
+# friction depends on the pressure.  Tuned on a sweep over Example 1 with 25 to 241 contact
 # nodes.
 SOLVES_PER_DOUBLING = (0.7, 3.0)
-# Linear solves that start from the sets of the previous load step, or of the coarser mesh, from and
-# to.  No record.
+# Range of linear solves that start from the active sets of the previous load step or of the coarser
+# mesh. No record.
 SOLVES_OF_START = (2, 5)
-# Entries of a sparse factor by dimension, over n log2 n, in 3D over n^(4/3).  Seconds of the
-# factorisation over n^1.5, in 3D n^2, and of what else there is over n.  Tuned with CHOLMOD and
+# By dimension: entries of a sparse factor over n log2 n (3D: n^(4/3)), and seconds of its
+# factorisation over n^1.5 (3D: n^2); seconds of the rest of a solve over n. Tuned with CHOLMOD and
 # MUMPS on one core; see test_cost_model.py.
 FACTOR_ENTRIES = {2: 5.0, 3: 9.0}
 FACTOR_SECONDS = {2: 3e-9, 3: 4e-10}
 SOLVE_SECONDS = 1e-6
 # Dense Cholesky, operations a second.  No record.
 DENSE_SPEED = 2e10
-# Seconds of a load step per unknown, by dimension, where factorisations do not take longer; fixed
-# ones count as ``FIXED_UNKNOWNS``.  Tuned on 49 scenes: 8.5 to 14 and 66 to 76 times 1e-6.
+# Seconds of a load step per unknown, by dimension, if factorisations do not dominate; the fixed
+# cost is in ``FIXED_UNKNOWNS``.  Tuned on 49 scenes: 8.5 to 14 and 66 to 76 times 1e-6.
 WHOLE_SECONDS = {2: 1.2e-5, 3: 7e-5}
-# Bytes of a process before it has a mesh; per unknown what mesh, forms and vectors need at least.
-# No record.
+# Bytes of a process without a mesh, and the least bytes of mesh, forms and vectors per unknown. No
+# record.
 BASE_BYTES, BYTES_PER_DOF = 1.4e8, 1.0e3
-# Bytes more for each contact node against another body: peaks of solves with 1,764 to 40,804 of
-# them, 1,502 in 2D.
+# Additional bytes for each contact node between bodies, by dimension. Source: peak memory of solves
+# with 1,764 to 40,804 of them, in 2D with 1,502.
 PAIRED_BYTES = {2: 1.7e4, 3: 2.0e5}
 # Share of the machine's memory above which check warns, and no finer mesh is begun.  Choice.
 MEMORY_SHARE = 0.8
 
 # --- load steps -----------------------------------------------------------------------------------
 
-# A load step of a ramp with at most so many linear solves is easy: near the limit it takes 15 and
-# more.  Two easy ones double the increment, up to the second times the one that was asked for.
+# A load step of a ramp is easy if it takes at most this many linear solves; near the limit it takes
+# 15 and more. Two easy steps double the increment, up to LARGEST_INCREMENT times the requested one.
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
-# Where a ramp ends without a solution, its last increment is no larger than this share of the load
-# since the last factor, or, if nothing was reached, the second share of the increment that was
-# asked for.
+# A ramp gives up once its increment is at most this fraction of the load since the last factor, or,
+# if no step was solved, the second fraction of the requested increment.
 ENCLOSED = 0.005
 SMALLEST_INCREMENT = 1e-5
 
-# --- what is the same but for round-off -----------------------------------------------------------
+# --- tolerances for round-off ---------------------------------------------------------------------
 
 # A share whose square is round-off: components of unit vectors along a direction that they do not
 # have, distances of places that are one, over the size of the body, resistance to a motion that
 # nothing holds.  Choice.
 ROOT_OF_EPS = 1e-8
-# What assemblies, linear solves and sums over a mesh leave of what should vanish, as a share of the
-# largest one or of the forces.  Choice: ten times what direct solves leave;
+# Round-off of assemblies, linear solves and sums over a mesh where the result should vanish,
+# relative to the largest term or the forces. Choice: ten times that of direct solves;
 # docs/evidence/whole_solves_in_space.csv of 75fb70cb.
 LEFT_BY_SOLVES = 1e-11
-# A share that three digits do not show.  Choice.
+# A fraction that is not visible in three digits. Choice.
 NEGLIGIBLE = 1e-3
-# A share that is notable in a result: strains, rotations and displacements that linear elasticity
-# neglects, facets off a curve, forces beyond the end of a side.  Choice.
+# A fraction that is notable in a result: strains, rotations and displacements that linear
+# elasticity neglects, facets off a curve, forces beyond the end of a side. Choice.
 NOTABLE = 0.1
 
 # Components of a unit vector and entries of a projection below this are round-off, without a sum.
@@ -245,81 +243,82 @@ SAME_NUMBER = 1e-12
 # to, and places on a load path, that are equal although they were computed in different ways.
 # Choice.
 SAME_LENGTH = 1e-9
-# What is computed from a solution (forces, pressures, displacements, normals of facets) below this
-# share of the largest one is round-off.  Choice: solves leave up to 1e-10 of the forces.
+# Results of a solution (forces, pressures, displacements, normals of facets) below this fraction of
+# the largest one are round-off. Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
 
-# What a projection, an assembly or an elimination leaves below this share of the largest one is
+# Results of a projection, an assembly or an elimination below this fraction of the largest one are
 # round-off: entries, pivots and eigenvalues of matrices, parts of facets and cells, motions and
-# loads.  Choice.
+# loads. Choice.
 NOTHING_LEFT = 1e-10
-# Forces are round-off below this share of all loads, of stiffness times displacement, or of those
-# of the largest piece, and Newton's method ends at a residual as large.  Choice.
+# Forces are round-off below this fraction of all loads, of stiffness times displacement, or of the
+# forces on the largest piece; Newton's method ends at a residual of this size. Choice.
 NO_FORCE = 1e-8
-# Points of drawings and files are one, faces plane and directions parallel within this share of
-# their size or this angle in radians.  Choice: single precision.
+# Points of drawings and files coincide, faces are plane and directions parallel within this
+# fraction of their size, or this angle in radians. Choice: single precision.
 DIGITS_OF_FILES = 1e-6
-# Numbers of a scene are between this and its inverse, in any units, or energies and forces
-# overflow.  Choice.
+# Numbers of a scene must lie between the inverse of this and this, in any units; otherwise energies
+# and forces overflow. Choice.
 LARGEST_NUMBER = 1e60
 
-# Steps at most of iterations that end long before: Newton's, and by projections, for places on
-# curves and in cells, for balances and for chi, and meshes until an accuracy is reached.  Choice.
+# Largest number of steps of iterations that usually end much earlier: Newton's method and
+# projections for points on curves and in cells, for balances and for chi, and meshes to an
+# accuracy. Choice.
 MANY_STEPS = 50
 
 # --- algorithms -----------------------------------------------------------------------------------
 
-# Interior points are asked for sets after the first number of full steps, if the sets do not
-# settle: in the last three the contact set has changed its size, at least ``DECIDED`` as many
-# points have changed as in the three before, and full steps would take more than the second number;
-# else after that number.  Tuned on 400 random compact problems.
+# The interior-point method is used to find sets after SLOW_STEPS full steps if the sets do not
+# settle: in the last three steps the contact set has changed its size, at least ``DECIDED`` times
+# as many points have changed as in the three before, and more than SLOWEST_STEPS full steps are
+# expected; otherwise after SLOWEST_STEPS. Tuned on 400 random compact problems.
 SLOW_STEPS, SLOWEST_STEPS = 7, 25
-# They propose sets once their products are NEGLIGIBLE beside the first ones, a step has gone at
-# least this share of its way, and the sets of at most one point still change.
+# It proposes sets once its complementarity products are NEGLIGIBLE beside the first ones, a step
+# has at least this length, and the set of at most one point still changes.
 DECIDED = 0.7
-# Residuals are measured by forces that are at least this share of stiffness times displacement, of
-# which NO_FORCE is still above round-off.  Choice.
+# Residuals are measured relative to forces that are at least this fraction of stiffness times
+# displacement, so that NO_FORCE times these is above round-off. Choice.
 ATTAINABLE_SHARE = 1e-7
 
 # --- assembly, contact boundaries and supports ----------------------------------------------------
 
-# Two bodies are as stiff as each other, and their facets as large, within these ratios.  No record.
+# Two bodies are equally stiff, and their facets equally large, within these ratios. No record.
 STIFFER_BODY, COARSER_FACETS = 2.0, 1.25
-# Nodes of a finer mesh are looked for this share of a cell outside the coarser one: curved
-# boundaries.  Choice.
+# Nodes of a finer mesh may be outside the coarser one by this fraction of a cell, because of curved
+# boundaries. Choice.
 OUTSIDE_COARSER_MESH = 0.25
 # Largest component across a plane of symmetry of the mean normal over one half of a smooth surface.
 # Choice.
 ASKEW_NORMAL = 0.2
-# Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
+# Poisson's ratio above which fully integrated elements lock visibly, and check warns. Choice.
 LOCKING_POISSON = 0.45
 
 # --- statics, limit loads and sections with a preload ---------------------------------------------
 
-# Contact forces beyond so many times the loads balance nothing; Coulomb friction above it counts as
-# unlimited.  Choice.
+# Contact forces above this many times the loads are not accepted as a balance; a Coulomb
+# coefficient above it counts as unlimited. Choice.
 LARGEST_BALANCING_FORCE = 1e4
-# A section that holds less than its force over this is shortened by at most this many times more.
-# No record.
+# A preloaded section that carries less than its force divided by this is shortened at most by this
+# factor at a time. No record.
 SHORTENED_AT_MOST = 30.0
 
 # --- bounds of the error --------------------------------------------------------------------------
 
-# Of tractions between facets that do not match: parts along the edges of a facet.  Tuned on random
-# scenes of two bodies in 3D.
+# Number of parts along each edge of a facet for tractions between non-matching facets. Tuned on
+# random scenes of two bodies in 3D.
 PARTS_OF_EDGE = 3
 # Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the
 # condition of a tetrahedron.  Source: tests/bounds/test_lifted_tractions.py at 730724ff: those of
 # turned ones differ by a third of this at most.
 ROUNDED_FORMS = 1e3
 
-# --- check and drafts: what they warn of ----------------------------------------------------------
+# --- check and drafts: thresholds of warnings -----------------------------------------------------
 
-# A gap is far if it is this many times larger than prescribed displacements; above so many times
-# the yield stress a share is no longer told in per cent.  Choice.
+# A gap is far if it is this many times larger than prescribed displacements; a stress above this
+# many times the yield stress is not printed in per cent. Choice.
 FAR_GAP = 10.0
-# Contact that is stiffer than this times E over the size of the body is hard to four digits: a
-# draft says so.  Choice.
+# Contact stiffer than this times E over the size of the body is hard to four digits, which a draft
+# reports. Choice.
 HARD_CONTACT = 1e4
 # --- derivatives and friction laws of users -------------------------------------------------------
 
@@ -328,10 +327,11 @@ HARD_CONTACT = 1e4
 # size of the body for one of distances. Choice: the cube root of the unit of round-off is best for
 # central differences.
 DIFFERENCE_STEP = 1e-5
-# Constants of forms: half widths from which the limit is extrapolated.  Choice: smooth data settle
-# after three to five widths; narrow differences of slender bodies are wrong by 1e-5 to 7e-4.
+# Differences by Constants of forms: the largest half width, and the number of widths from which the
+# limit is extrapolated. Choice: smooth data converge after three to five widths; narrow differences
+# of slender bodies are wrong by 1e-5 to 7e-4.
 WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE = 1e-2, 6
-# A displacement that would be magnified by no more than this is drawn as it is.  Choice.
+# Largest magnification of a displacement that is left out: it is drawn in true size. Choice.
 SEEN_AS_IT_IS = 2.5
 # What a law of a user's own says of itself is tried at about so many of its points, from this power
 # of ten of the modulus up to the modulus, at so many pressures in each decade.  It may be wrong by
@@ -343,20 +343,18 @@ WRONG_SLOPE = 1e-2
 
 # --- limits of time and memory --------------------------------------------------------------------
 
-# Seconds until a rank that may have an error later has it.  Choice.
+# Seconds to wait for an error of another rank. Choice.
 ERROR_PATIENCE = 30.0
 # Seconds between two changes of progress, two attempts to get a lock, and until the first rank ends
 # another.  Choice.
 PROGRESS_PAUSE = 0.2
 # --- meshes and points in them --------------------------------------------------------------------
 
-# Cells become longer by this much per length away from facets of a given length.  Choice.
+# Growth of the cell size per distance from facets of a given size. Choice.
 SIZE_GROWTH = 0.25
-# Of a mesh that is made anew cells are at least this share of their length on the last one.
-# Choice.
+# Smallest cell size of a remade mesh, relative to that of the last mesh at the same place. Choice.
 SHORTEST_CHILD = 0.25
-# Half of the facets may not be longer than this times what was asked for.  Choice: longest edges of
-# gmsh are 1.2 times.
+# Largest median facet length over the requested size. Choice: longest edges of gmsh are 1.2 times.
 LONGEST_FACET = 1.4
 # A point outside the hull of a table is moved towards its middle by this share: curved boundaries.
 # Choice.
@@ -364,19 +362,19 @@ OUTSIDE_HULL = 0.02
 
 # --- contact between two bodies -------------------------------------------------------------------
 
-# Share of the size of a side by which bodies may overlap, and facets be apart beyond the smallest
-# distance.  Choice.
+# Fraction of the size of a side by which bodies may overlap, and by which facets may be farther
+# apart than the smallest distance. Choice.
 DEEPEST_OVERLAP = 0.2
-# Surfaces of two bodies are proposed for contact that are nearer than this share of a facet, and
-# face each other over more than the second share of the smaller one.  Source: four assemblies,
-# tests/mesh/test_proposals.py.
+# Surfaces of two bodies are proposed for contact if their distance is below the first fraction of a
+# facet, and they face each other over more than the second fraction of the smaller one. Source:
+# four assemblies, tests/mesh/test_proposals.py.
 NEAR_BODIES, LEAST_PAIR = 0.25, 0.01
-# Share of its weight that a function must keep to carry a point.  No record.
+# Fraction of its weight that a dual shape function must keep to carry a contact point. No record.
 KEPT_WEIGHT = 0.03
-# Share of its weight from which a function of sides that slide is all its own: below it turns
-# evenly into a mean of those beside it, which it is at the share above.  Choice.
+# Fraction of its weight from which on a dual shape function of sliding sides is used unchanged:
+# below it changes smoothly into a mean of its neighbours, which is reached at KEPT_WEIGHT. Choice.
 WHOLE_WEIGHT = 0.15
-# Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.
+# Two sides face each other if the product of their normals is below this. Choice: 102 degrees.
 FACING_SIDES = -0.2
 # How many facets points of two nonlinear bodies that keep their partners may move along the other
 # side without a warning.  Choice: forces of blocks with some facets over the contact were off by 9
@@ -385,18 +383,18 @@ FACETS_OF_KEPT_PARTNERS = 0.5
 
 # --- certificate and statements on results --------------------------------------------------------
 
-# The certificate does not hold if a violation exceeds this share of the solution's own scale; gaps,
-# motions, forces and vectors below it are none, and points as near to the border of two sets are
-# between them.  No record.
+# The certificate fails if a violation exceeds this fraction of the solution's own scale; smaller
+# gaps, motions, forces and vectors count as zero, and points this close to the border of two active
+# sets count as being on it. No record.
 CERTIFICATE_TOLERANCE = 1e-6
 # With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.
 # No record.
 FEW_NODES = 8
-# Units in the last place of displacements and loads that an evaluation of their nodal forces may
-# lose.  Choice.
+# Round-off of the evaluation of nodal forces, in units in the last place of displacements and
+# loads. Choice.
 LOST_UNITS = 100.0
-# Units in the last place of the largest coordinate that distances and sides may lose.  Choice: they
-# lost two.
+# Round-off of distances and sides, in units in the last place of the largest coordinate. Choice:
+# two were observed.
 UNITS_OF_PLACES = 10.0
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area.
 # Choice.
@@ -411,9 +409,9 @@ SAME_ANGLE = 1.0
 BROAD_PICTURE = 1.6
 # Width and height of a body at most, and of the narrowest picture, for its lettering, inches.
 BODY_INCHES, NARROWEST = 4.8, 3.4
-# How far a foundation is drawn beside the body, over its longest side, and on a grid of how many
-# lines along that, in 2D and in 3D; a round one whose diameter is at most about this share of that
-# side is drawn whole.
+# How far a foundation is drawn beside the body, over the longest side of the body; number of grid
+# lines along that side, in 2D and in 3D; a round foundation whose diameter is at most the last
+# fraction of that side is drawn whole.
 FOUNDATION_BESIDE = 0.25
 FOUNDATION_GRID = 300
 FOUNDATION_GRID_IN_SPACE = 40
@@ -446,54 +444,56 @@ AMBIENT_LIGHT = 0.5
 SHARP_EDGE = 40.0
 # How much more of the field another view must show to be preferred to the usual one.
 PREFERRED_GAIN = 1.15
-# Share of the area that has colours of its own: the extremes are those of the rest.
+# Fraction of the area that sets the range of colours; the rest gets the extreme ones.
 USUAL_COLOURS = 0.99
 # Above this cosine a direction is taken for that of the nearest coordinate axis.
 ALONG_AXIS = 0.99
 
 # --- nonlinear bodies -----------------------------------------------------------------------------
 
-# After an increment below these shares of the largest displacement and of the last one the tangent
-# stays.  Choice.
+# The tangent is kept after an increment below these fractions of the largest displacement and of
+# the last increment. Choice.
 KEPT_TANGENT = 3e-5, 0.1
-# Share of the first slope up to which an increment is accepted.  Source: a disc with J2 plasticity.
+# Fraction of the initial slope up to which an increment is accepted.  Source: a disc with J2
+# plasticity.
 WHOLE_SLOPE = 0.5
-# Evaluations of the residual in a line search.  Choice.
+# Largest number of halvings in a line search. Choice.
 LINE_SEARCH_STEPS = 12
-# Linear solves of a load step of a nonlinear body, from and to, of rubber and metal, with and
-# without friction.
+# Range of linear solves of a load step of a nonlinear body: rubber and metal, with and without
+# friction.
 NEWTON_SOLVES = (5, 18)
-# A ramp takes a step twice as large after one of at most as many iterations.  Choice.
+# A ramp doubles the increment after a step with at most this many iterations. Choice.
 FEW_NEWTON_ITERATIONS = 6
-# What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.
-# Choice.
+# Lower bound of the relative change of a slip by the rotation of its tangent plane, in hollow
+# shapes. Choice.
 MOST_TURNED = -0.5
-# Below this relative difference of two stretches squared a series takes the place of powers of
-# both.  Choice, from the errors of both.
+# Below this relative difference of two squared stretches a series replaces their powers. Choice,
+# from the errors of both.
 EQUAL_STRETCHES = 0.01
-# Below this distance from one a series takes the place of powers and logarithms less tangents.
-# Choice, as above.
+# Below this distance from one a series replaces powers and logarithms minus their tangents. Choice,
+# as above.
 NEAR_ONE = 1e-3
-# What holds a contact point where the inertia of a tangent is looked at, over its largest diagonal
-# entry.  Choice.
+# Stiffness that holds contact points for the inertia of a tangent, over its largest diagonal entry.
+# Choice.
 HOLDING_STIFFNESS = 1e4
-# A tangent is tried by differences of the residual over these strains, and is its derivative if
-# both differ by less than the last number, as a share of the norm, over one of them.  Choice: the
-# first is far below the strain at which metals yield; the second is for a cell that is so near to
-# its yield stress that the first one leads across.
+# A tangent is tested by differences of the residual over these strains. It is the derivative if,
+# over one of them, both differ by less than SAME_TANGENT, relative to the norm. Choice: the first
+# strain is far below the yield strain of metals; the second is for a cell so close to its yield
+# stress that the first one crosses it.
 DIFFERENCE_STRAINS = (1e-7, 1e-9)
 SAME_TANGENT = 1e-6
-# Forces up to so many units of the round-off of a residual are no load: of bodies at rest they have
-# one.  Choice.
+# Forces up to this many times the round-off of a residual are no load: at rest they are about one.
+# Choice.
 UNITS_OF_NO_LOAD = 4.0
 # The strain, in units of round-off, over which a second difference of a residual is round-off.
 # Choice.
 UNITS_OF_DIFFERENCE = 500.0
-# Share of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the
-# shape lies inside the body; it is moved by half of it at a time to see its way.  Choice: a chord
-# between two nodes cuts a circle whose radius is six tenths of its length to less than that.
+# A shape lies inside the body if it penetrates by more than this fraction of the radius of a cell
+# and of the largest ball in the shape; its motion is checked in increments of half of that. Choice:
+# a chord between two nodes cuts a circle whose radius is six tenths of its length to less than
+# that.
 SHAPE_INSIDE = 0.5
-# Places on its way at most.  Choice: a search of all cells for each of them.
+# Largest number of checked positions during a motion. Choice: each takes a search of all cells.
 MOST_PLACES = 400
 # Cosines of angles at a corner of a foundation: a node of the facet that it presses on has a
 # contact point of its own if its direction is within the first one of that of its facets, and a
@@ -510,16 +510,17 @@ SHAPE_MIDDLE = 0.9
 
 # Nodes of a result are those of the problem up to this share of its size: print of six digits.
 JUDGED_SAME_PLACE = 1e-5
-# Digits of print that are needed: three leave 1e-2 of the energy norm.  So many have times, too.
+# Number of printed digits that are needed: three leave 1e-2 of the energy norm. Times have as many.
 JUDGED_DIGITS = 4
-# Factors of units in powers of ten: a thousand, but no load or modulus that is tried.
+# Decimal exponent from which on a factor is taken for another unit: a thousand is, tested loads and
+# moduli are not.
 JUDGED_UNITS = 2.5
-# Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a
-# minute in 3D.
+# Largest number of unknowns of a finer mesh that is solved for the error on the mesh of a result:
+# half a minute in 3D.
 JUDGED_FINEST = 60_000
-# So many increments with friction are solved, and values of a number tried.  Choice: CalculiX takes
-# ten at most.
+# Largest number of increments with friction that are solved, and of values of a number that are
+# tested. Choice: CalculiX takes ten at most.
 JUDGED_INCREMENTS = 8
-# Another problem explains a result if it leaves at most this share of its distance; ``NOTABLE`` if
-# that is within the error of the mesh.  Of 34 good results the best one leaves .56.
+# Another problem explains a result if at most this fraction of the distance remains; ``NOTABLE`` if
+# the distance is within the error of the mesh. Of 34 good results the best leaves .56.
 JUDGED_LEFT = 0.45

@@ -45,7 +45,7 @@ def contacts_of(mesh: MeshFile, within: float | None = None) -> Proposals:
 
     Raises:
         MeshError: the file cannot be read, or is a single body.
-        SceneError: the mesh has no edge lengths for a default distance.
+        SceneError: a cell size is given for a file that has cells already.
     """
     found = proposed_contacts(read_file(mesh), within)
     if len(found.bodies) < 2:
