@@ -343,7 +343,7 @@ WRONG_SLOPE = 1e-2
 
 # --- limits of time and memory --------------------------------------------------------------------
 
-# Seconds to wait for an error of another rank. Choice.
+# Seconds that a rank with an error waits for the others. Choice.
 ERROR_PATIENCE = 30.0
 # Seconds between two changes of progress, two attempts to get a lock, and until the first rank ends
 # another.  Choice.

@@ -221,7 +221,7 @@ class FormMechanics(Mechanics):
 
     no_bounds = "a guaranteed bound is for scenes, which state their loads and supports"
 
-    forms: GivenForms  # the forms
+    forms: GivenForms  # the checked and compiled forms
     prescribed: tuple[
         Flags, Array
     ]  # flags and values of prescribed dofs of this rank, ghosts included

@@ -37,8 +37,10 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
 UflOrCompiled: TypeAlias = "ufl.Form | fem.Form"
-Law: TypeAlias = "Callable[[Expr], Expr]"  # stress of a displacement
-Energy: TypeAlias = "Callable[[Expr, Expr], Expr]"  # of two displacements
+Law: TypeAlias = "Callable[[Expr], Expr]"  # the stress as a function of the displacement
+Energy: TypeAlias = (
+    "Callable[[Expr, Expr], Expr]"  # an energy density as a function of two displacements
+)
 Density: TypeAlias = "float | Expr | ufl.Form | None"
 SettingValue = str | float | None
 PetscOptions = Mapping[str, str | float | None]

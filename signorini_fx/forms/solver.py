@@ -249,7 +249,7 @@ class FormSolver(BodyOfForms):
     task: Task
     prescribed: tuple[
         Flags, Array
-    ]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
+    ]  # flags and values of prescribed dofs of this rank, ghosts included, shapes (dofs,)
 
     def __init__(
         self,
@@ -517,7 +517,7 @@ def solve_now(solver: FormSolver) -> str:
             solver.update()
             guess = carry_over(solver.coarser_state, solver.boundary, solver.begin)
         new, report = step(solver, solver.begin, float(number), guess=guess)
-        assert isinstance(report, Report)  # as of all linear bodies
+        assert isinstance(report, Report)  # all linear bodies end with a Report
         solver.show_step(new, report)
     status = report.status
     if status is Status.CONVERGED:

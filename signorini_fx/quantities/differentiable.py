@@ -123,7 +123,7 @@ class LargestPressure(Functional):
     """
 
     part: int  # number of the contact
-    power: float  # p
+    power: float  # the power p
 
     def value(
         self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array

@@ -32,8 +32,8 @@ def _closed(schema: dict[str, Any]) -> None:
 
 
 class Row(BaseModel):
-    """A table of a summary, such as a row of a list; what a later version adds to it is kept when
-    it is read.
+    """A table of a summary, such as a row of a list; keys that a later version adds are kept on
+    reading.
     """
 
     model_config = ConfigDict(
@@ -83,7 +83,7 @@ class UsedParameters(Row):
 
 
 class PieceOfBody(Row):
-    """A piece."""
+    """A connected piece of the body."""
 
     piece: Count
     body: str | None = described("The body of a scene with several that it is of.")
@@ -92,7 +92,7 @@ class PieceOfBody(Row):
 
 
 class FindingRow(Row):
-    """A finding."""
+    """A warning or a note about the scene or the result."""
 
     level: Literal["warning", "note"]
     path: str = described("Key of the scene that it concerns.")
@@ -100,8 +100,9 @@ class FindingRow(Row):
 
 
 class Price(Row):
-    """A mesh with the errors on it, each relative and null where it cannot be estimated yet, and
-    its cost.
+    """The errors and the cost of one mesh.
+
+    Each error is relative, and null where it cannot be estimated yet.
     """
 
     level: Count = described("Its number, the coarsest is 0.")
@@ -126,7 +127,7 @@ class Price(Row):
 
 
 class StepOfResults(Row):
-    """A load step."""
+    """The load step that the results belong to."""
 
     step: int = Field(ge=1)
     name: str
@@ -219,7 +220,7 @@ class RigidBody(Row):
 
 
 class SectionForce(Row):
-    """A tightened section."""
+    """The force and the shortening of a tightened section."""
 
     name: str = described("Which one.")
     force: Number = described("The tension through it.")
@@ -227,7 +228,7 @@ class SectionForce(Row):
 
 
 class BoundaryResultant(Row):
-    """A resultant."""
+    """The resultant of the forces on one part of the boundary."""
 
     boundary: str | None = described("Name of the boundary; null: the body force.")
     acts: list[str] = described(
@@ -242,7 +243,7 @@ class BoundaryResultant(Row):
 
 
 class ExtremeOfValue(Row):
-    """A value and where it is."""
+    """An extreme value and its place."""
 
     value: Number
     place: Annotated[list[Number], Field(max_length=3)]
@@ -325,7 +326,7 @@ class CertificateFigures(Row):
 
 
 class ErrorBoundFigures(Row):
-    """A guaranteed bound."""
+    """A guaranteed bound of the error."""
 
     relative_error: Number = perhaps(
         "Of the displacement, relative to the energy norm of the exact solution."
@@ -344,7 +345,7 @@ class ErrorBoundFigures(Row):
 
 
 class PrintedNumber(Row):
-    """A number that is printed, and its error."""
+    """A printed number with its error."""
 
     value: Number | Vector
     place: Vector | None = perhaps("Where it is, of a largest value.")
@@ -401,7 +402,7 @@ def _with_components(schema: dict[str, Any]) -> None:
 
 
 class RowOfSteps(Row):
-    """A load step."""
+    """The results of one load step."""
 
     model_config = ConfigDict(json_schema_extra=_with_components)
 
@@ -424,7 +425,7 @@ class RowOfSteps(Row):
 
 
 class Run(Row):
-    """The keys of a summary about the solve itself."""
+    """The keys of a summary about the run itself."""
 
     schema_version: Literal[1] = described(
         "Version of this schema: it grows when a key goes or changes its meaning, not when one is "
@@ -473,7 +474,7 @@ class Run(Row):
 
 
 class Summary(Run):
-    """All of summary.json: of the run, and the results."""
+    """All keys of summary.json: those about the run, and the results."""
 
     steps: list[RowOfSteps] = perhaps("The load steps, if there are several.")
     limit: LimitOfRamp = perhaps("Of a ramp that has ended before its loads are whole.")

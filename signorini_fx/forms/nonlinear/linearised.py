@@ -137,8 +137,8 @@ class MovingFoundations(Foundations):
 
     @property
     def driven(self) -> list[Shape | None]:
-        """For each contact the shape, as the user has given it, that forces move; None or False:
-        there is no such shape.
+        """The shape of each contact, as the user has given it, that forces move; None or False:
+        forces do not move it.
         """
         return [
             shape and self.moving[number].as_given for number, shape in enumerate(super().driven)
@@ -202,9 +202,11 @@ class MovingFoundations(Foundations):
     def spin_at(
         self, boundary: ContactBoundary, placed: Sequence[Placement | None]
     ) -> Array | None:
-        """Return the rotation matrix of the obstacle at each contact point since the shapes were
-        ``placed``, shape (n, d, d); for a pair, the rotation of both sides, see ``MovingPair``.
-        None if there are no shapes and no sliding pairs.
+        """Return the rotation of the obstacle at each contact point since its shape was at
+        ``placed``, as matrices of shape (n, d, d).
+
+        For a sliding pair it is the rotation of its frames in the step.  None if there are neither
+        shapes nor sliding pairs.
         """
         moved = self.moved_shapes(placed)
         dim = self._dimension
@@ -511,7 +513,7 @@ class NonlinearBody(BodyOfForms):
         self.several = False  # see ``Start``
         self.drives: Sequence[Drive] = ()  # forces on rigid bodies in this step, without effects
         self.now: Linearised | None = None  # the last problem that was assembled
-        self.solved: Solved | None = None  # the last one that was solved in this step
+        self.solved: Solved | None = None  # the last problem that was solved in this step
         self.begin = self.initial()
 
     def take_scene(self, model: Model, history: History) -> None:

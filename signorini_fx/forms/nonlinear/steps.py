@@ -185,7 +185,9 @@ class EquilibriumSolver:
             else status.value
         )
         self.failure = ended + (f" ({reason})" if reason else "")
-        if status is Status.INVERTED and verdict.without:  # the iterates run away from the body
+        if (
+            status is Status.INVERTED and verdict.without
+        ):  # the inverted cells are only a consequence
             self.failure = verdict.without
         if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
             passed = self.passed | behind(body, last)

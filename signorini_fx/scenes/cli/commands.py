@@ -353,7 +353,7 @@ def report(options: argparse.Namespace) -> str:
 
 
 def view(options: argparse.Namespace) -> str:
-    """Write the page with the rotatable body, and open it if there is a display."""
+    """Write a page with the body, which can be rotated, and open it if there is a display."""
     file = add_on("report")(options.folder, options.folder / "view.html", ("Body", "Outcome"))
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         webbrowser.open(file.absolute().as_uri())
