@@ -4,8 +4,8 @@ Coefficients of a formula are in the formula, and the styles of lines where they
 constant here is a length, a stress or a time: each is a fraction, a factor, a power or a count,
 except in the estimate of costs, which describes a machine, and where a unit is given.
 
-*Choice* means that a value follows from reasoning alone; *no record* means that it was never
-measured: whoever changes it has to measure.  Unless stated otherwise a constant was tuned in 2D, on
+*Choice* means that a value follows from reasoning alone; *no record* means that its source was not
+recorded: whoever changes it has to measure. Unless stated otherwise a constant was tuned in 2D, on
 Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on random
 scenes (``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were tuned in 3D.
 """
@@ -124,7 +124,8 @@ POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
 # 0.09 to 0.29.
 FORCE_OF_ENERGY = 0.12
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on GROWING_MESHES
-# successive meshes, and on the last by at least LASTING_SHARE of that. Fixed on random scenes.
+# successive meshes, and the last power of growth is above LASTING_SHARE times the first. Fixed on
+# random scenes.
 GROWING_MESHES = 2
 GROWTH_POWER = 0.05
 LASTING_SHARE = 0.6
@@ -135,8 +136,8 @@ SLOWEST_DECREASE = 0.95
 # docs/evidence/prediction.csv of 75fb70cb.
 TIME_POWER = {2: 1.2, 3: 1.6}
 MEMORY_POWER = {2: 1.1, 3: 1.3}
-# At least this fraction of the time is assumed to grow: the previous mesh may have had a cold
-# start. Tuned on the same file.
+# At least this fraction of the time is assumed to grow with the unknowns: the previous mesh may
+# have had a cold start. Tuned on the same file.
 LEAST_GROWING_TIME = 0.25
 # Factor of the error for which the cost is forecast. Choice.
 NEXT_ERROR = {2: 0.1, 3: 1 / 3}

@@ -105,7 +105,9 @@ class Residual:
     )  # of the mesh at its present position
 
     def assembled(self) -> Array:
-        """Return F minus the loads at the present ``u``, at the owned dofs, force; collective."""
+        """Return F minus the additional loads at the present ``u``, at the owned dofs, force;
+        collective.
+        """
         return assemble(self.form) - self.loads - self.further
 
     def begin(self, state: State, dt: float) -> None:
@@ -114,8 +116,8 @@ class Residual:
             self.further = self.stepped.begin(state, dt, self.loads)
 
     def internal(self, values: Array) -> Array:
-        """Return F itself, without loads, at values of ``u``, ghosts included; ``u`` stays as it
-        is; collective.
+        """Return F itself, without the additional loads, at values of ``u``, ghosts included; ``u``
+        stays as it is; collective.
         """
         kept = self.u.x.array.copy()
         self.u.x.array[:] = values
