@@ -1,7 +1,7 @@
 """Mechanics: what acts on bodies, and the matrices and loads that it makes.
 
-A ``statement`` says what acts; kinematics, materials, friction laws, shapes of foundations and
-other effects are a file each; ``mesh`` has the cells, ``pairs`` couple two surfaces, and ``body``
-assembles.  The record of all that is a ``Model``.  This layer must not know how contact problems
-are solved, nor where a problem comes from.
+A ``statement`` lists what acts.  Kinematics, materials, friction laws, shapes of foundations and
+other effects have a file each; ``mesh`` has the cells, ``pairs`` couples two surfaces, and ``body``
+assembles.  The result is a ``Model``.  This package depends neither on the solvers of contact
+problems nor on the source of a problem.
 """

@@ -1,7 +1,6 @@
-"""What is to be solved on one mesh: an elastic body, made a contact problem, and all that is stated
-of it.
+"""The contact problem of one mesh: the elastic body with its supports, loads and contact points.
 
-The forms of a scene and those of a user take this one way into the core.
+A scene and the forms of a user both become a ``Model``.
 """
 
 from __future__ import annotations
@@ -75,13 +74,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """What acts on a body in a load step.
+    """The loads on a body in a load step.
 
     Attributes:
-        forces: on the owned dofs, shape (owned dofs,).
+        forces: forces on the owned dofs, shape (owned dofs,).
         prescribed: displacements that supports prescribe, zero elsewhere, ghosts included, length,
             shape (dofs,).
-        drives: of rigid bodies, see ``RigidBodies.drives``.
+        drives: forces and motions that drive rigid bodies, see ``RigidBodies.drives``.
     """
 
     forces: Array
@@ -91,104 +90,111 @@ class Loads:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """An elastic body on its mesh, a symmetric form a(., .) on a vector Lagrange space, with the
-    names of its parts, its supports, its contact points and all that acts on it.
+    """An elastic body on its mesh: a bilinear form a(., .) on a vector Lagrange space, supports,
+    contact points, loads, and the names of its parts.
 
-    Each part is compiled and assembled when it is first needed; what takes forms, matrices or
-    motions is collective.
+    Each part is compiled and assembled when it is first needed.  Methods that use forms, matrices
+    or motions are collective.
     """
 
-    space: fem.FunctionSpace  # Y_h, of the displacement
-    terms: Callable[[], Sequence[fem.Form]]  # gives the compiled terms of a(., .)
-    resists: (
-        Sequence[fem.Form] | None
-    )  # the terms that may resist rigid motions; None: any of them may
+    space: fem.FunctionSpace  # Y_h, the vector Lagrange space of displacements
+    # Returns the compiled terms of a(., .).
+    terms: Callable[[], Sequence[fem.Form]]
+    # The terms that may resist rigid motions; None: any of them may.
+    resists: Sequence[fem.Form] | None
     bcs: Sequence[fem.DirichletBC]  # the supports along the axes
-    turned: (
-        TurnedNodes | None
-    )  # nodes with supports along no axis, ``fixed`` in their own frames; None: none
-    fixed: Flags  # which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,)
-    pieces: BodyPieces  # into which the mesh falls
+    # Nodes with supports that are not along an axis, in rotated frames; None: there are none.
+    turned: TurnedNodes | None
+    # Which dofs of this rank the supports prescribe, at ``turned`` nodes in their frames, shape
+    # (owned dofs,).
+    fixed: Flags
+    pieces: BodyPieces  # the connected pieces of the mesh
     boundary: ContactBoundary | None  # the contact points; None: there are none
-    settings: SolverSettings  # how it is to be solved
-    # of the displacement; of forms of a user's own these say which motions have no strain
+    settings: SolverSettings  # of the solver
+    # Strains and rigid motions of the displacement; for a user's forms which motions have no
+    # strain.
     kinematics: Kinematics
-    compressible: bool = (
-        True  # whether the material is far enough from incompressible for multigrid
-    )
-    elastic: SceneLaw | None = None  # of which ``terms`` are; None: forms of a user's own
-    # Gives mass per volume of the mesh as UFL, or the form of the mass; None: it is not known.
+    # Whether the material is far enough from incompressible for multigrid.
+    compressible: bool = True
+    # The elastic law that ``terms`` come from; None: a user's forms.
+    elastic: SceneLaw | None = None
+    # Returns the mass per volume of the mesh as UFL, or the form of the mass; None: it is unknown.
     density: Callable[[], Expr] | None = None
-    beside: NodalStiffness | None = None  # what a(., .) has beside ``terms``; None: nothing
-    # Forces of the k unknowns of rigid bodies at the contact points, and on these themselves,
-    # beside a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None:
-    # nothing.
+    # Nodal stiffness that is added to ``terms``; None: nothing.
+    beside: NodalStiffness | None = None
+    # Stiffness that couples the k unknowns of rigid bodies to the contact points, shape (n, d, k),
+    # and to each other, shape (k, k), symmetric, in addition to a(., .) and springs; force per
+    # length; None: there is none.
     relative: tuple[Array, Array] | None = None
-    definite: bool = (
-        True  # whether a(., .) is positive semi-definite but for a pressure as an unknown
-    )
-    symmetric: bool = True  # whether a(., .) is symmetric; else it is not definite
-    # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of
-    # them may.
+    # Whether a(., .) is positive semi-definite, apart from an unknown pressure.
+    definite: bool = True
+    # Whether a(., .) is symmetric; otherwise it is not definite either.
+    symmetric: bool = True
+    # Contact points that are expected to stay open, shape (n,), and the displacement that estimates
+    # where they are; None: any point may touch.
     far: tuple[Flags, fem.Function] | None = None
-    tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
+    # The mesh with its names; a 2D section in 3D if displacements have a component out of it.
+    tagged: TaggedMesh
     path: LoadPath  # the load steps
-    contacts: tuple[Any, ...]  # the entry of each contact, as it is now
-    # One for the body, or one for each named region; none: a user's forms have it.
+    contacts: tuple[Any, ...]  # the entry of each contact, with its values at the current step
+    # One for the body, or one for each named region; empty for a user's forms.
     materials: tuple[Any, ...] = ()
     title: str = ""  # any text
-    forces_at: str = "L"  # the keys of its forces, for messages
+    forces_at: str = "L"  # the input keys of the forces, for messages
     modulus: float = 0.0  # the natural unit of stress; 0: it is not known yet
-    law: PointFriction | None = None  # of friction; None where no law can act
-    # Both sides of each contact of two bodies, by its place in ``contacts``.
+    law: PointFriction | None = None  # friction; None where no friction can act
+    # Both sides of each contact of two bodies, by the position of the contact in ``contacts``.
     pairs: Mapping[int, PairedSides] = field(default_factory=dict)
-    rigid: RigidBodies  # those whose motion is an unknown
-    supports: Conditions = field(default_factory=list)  # one component each: ``bcs``
-    held: tuple[Displacement, ...] = ()  # the entries of the supports that hold now
-    applied: tuple[AppliedLoad, ...] = ()  # the loads, by their load factors
-    # At the contact points, without shifts; None without contact.
+    rigid: RigidBodies  # the rigid bodies whose motion is unknown
+    supports: Conditions = field(default_factory=list)  # ``bcs``, one displacement component each
+    held: tuple[Displacement, ...] = ()  # the entries of the supports that act in this step
+    applied: tuple[AppliedLoad, ...] = ()  # the loads, one for each list of load factors
+    # Gaps and regularisation at the contact points, without shifts; None without contact.
     data: RegularisedData | None = None
-    # Of the forms of loads and resistances; None: a user's forms.
+    # Coefficients in the forms of loads and resistances; None: a user's forms.
     coefficients: FormCoefficients | None = None
-    # What a condensed system with another boundary has made of the same stiffness; None: there is
-    # none.
+    # The Schur complement of the same stiffness from a condensed system with another boundary;
+    # None: there is none.
     eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
-    # Results that depend on everything above but ``boundary``, on that too, and on the mesh and
-    # ``space`` alone.
+    # Cached results: those that do not depend on ``boundary``, those that do, and those that depend
+    # on the mesh and ``space`` alone.
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_mesh: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """A copy with another boundary begins anew with what is computed of it."""
+        """Drop the results that depend on the contact boundary if this copy has another one."""
         if self.of_contact.setdefault("boundary", self.boundary) is not self.boundary:
             object.__setattr__(self, "of_contact", {"boundary": self.boundary})
 
     @property
     def comm(self) -> MPI.Comm:
-        """The ranks that share the body."""
+        """The MPI communicator of the mesh."""
         comm = self.space.mesh.comm
         return comm
 
     @property
     def dimension(self) -> int:
-        """D, of space."""
+        """The geometric dimension d, 2 or 3."""
         return int(self.space.mesh.geometry.dim)
 
     @property
     def statement(self) -> Statement:
-        """Return all entries of a scene; a user's forms have none."""
+        """All entries of the scene; a model from a user's forms has none."""
         assert self.coefficients is not None
         return self.coefficients.statement
 
     def with_statement(self, statement: Statement) -> Self:
-        """Return the body of a scene with another statement; what is assembled of it stays."""
+        """Return the model of a scene with another statement; what is already assembled is kept."""
         assert self.coefficients is not None
         return replace(self, coefficients=replace(self.coefficients, statement=statement))
 
     def tightens(self, step: float) -> bool:
-        """Return whether forces tighten sections at a place in the lists of factors, whose
-        shortenings are unknowns there.
+        """Return whether some bolt is tightened by a force at ``step``, so that its shortening is
+        unknown.
+
+        Args:
+            step: place in the lists of factors, see ``statement.load_path``.
         """
         return any(load.entry is not None and load.entry.tightens(step) for load in self.applied)
 
@@ -209,20 +215,23 @@ class Model:
 
     @shared_in("of_contact")
     def motions(self) -> RigidMotions:
-        """Return the free motions without strain; bodies that can touch each other are one
-        assembly.
+        """Return the rigid motions, without strain energy, that supports leave free.
+
+        Bodies that can touch each other are one assembly.
         """
         return self._free if self.boundary is None else self._free.joined(self.boundary)
 
     @shared_in("of_body")
     def _supported(self) -> RigidMotions:
-        """Return the rigid motions that the supports alone leave free."""
+        """Return the rigid motions that the supports alone leave free, whatever springs resist."""
         fixed = self.fixed.reshape(-1, self.dimension)
         return rigid_motions(self.space, fixed, self.pieces, self.turned, self.kinematics)
 
     @property
     def of_supports(self) -> dict[str, Any]:
-        """What of ``of_body`` another stiffness does not change."""
+        """The entries of ``of_body`` that depend on the supports alone and stay valid with another
+        stiffness.
+        """
         return {name: value for name, value in self.of_body.items() if name == "_supported"}
 
     @shared_in("of_body")
@@ -237,12 +246,15 @@ class Model:
 
     @shared_in("of_contact")
     def at_contact(self) -> FreeMotions:
-        """Return the free motions at the contact points."""
+        """Return the traces of the free rigid motions at the contact points."""
         return self.motions.at(self.boundary or no_points(self.space))
 
     def system_size(self, at_contact: FreeMotions | None = None) -> SystemSize:
-        """Return the figures that decide which kind of elastic system it gets, with free motions at
-        the contact points.
+        """Return the figures from which the kind of elastic system (full, condensed, Krylov) is
+        chosen.
+
+        Args:
+            at_contact: the free motions at the contact points; None: ``self.at_contact``.
         """
         at_contact = self.at_contact if at_contact is None else at_contact
         retained = 0
@@ -267,7 +279,9 @@ class Model:
 
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
-        """``stiffness`` and ``rotation``, and this without rigid bodies."""
+        """Assemble ``stiffness`` and ``rotation``; the third entry is the rotation without the
+        unknowns of rigid bodies, as multigrid needs it.
+        """
         if self._fit_for_blocks:
             from signorini_fx.mechanics.assembly.nodal_stiffness import block_stiffness
 
@@ -311,7 +325,7 @@ class Model:
         return stiffness, rotation, turning
 
     def _add_relative(self, stiffness: PETSc.Mat) -> None:
-        """Add ``relative`` to a stiffness without the rows and columns of what is prescribed;
+        """Add ``relative`` to a stiffness, but not to rows and columns of prescribed unknowns;
         collective.
         """
         boundary = self.boundary
@@ -340,9 +354,13 @@ class Model:
         stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
     def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, Array]:
-        """Return the forces of ``relative`` on all unknowns of this rank but a pressure, and those
-        of its part at the contact points on rigid bodies, of displacements of the nodes, shape
-        (dofs,), and motions, shape (k,); collective.
+        """Return the forces of ``relative`` on all unknowns of this rank except a pressure, and the
+        part of the forces on rigid bodies, shape (k,), that comes from the contact points;
+        collective.
+
+        Args:
+            displacement: of the nodes of this rank, length, shape (dofs,).
+            driven: the unknowns of rigid bodies, shape (k,).
         """
         assert self.boundary is not None
         assert self.relative is not None
@@ -357,8 +375,8 @@ class Model:
 
     @shared_in("of_body")
     def _fit_for_blocks(self) -> bool:
-        """Return whether a Krylov method with multigrid will solve for contact, for which a
-        stiffness by blocks is faster.
+        """Return whether contact will be solved by a Krylov method with multigrid, for which a
+        stiffness in nodal blocks is faster.
         """
         boundary = self.boundary
         if (
@@ -381,7 +399,7 @@ class Model:
 
     @property
     def scene_law(self) -> SceneLaw:
-        """Return the law of the materials of a scene."""
+        """The law of the materials of a scene."""
         assert self.elastic is not None
         return self.elastic
 
@@ -393,12 +411,16 @@ class Model:
 
     @property
     def _rigid(self) -> int:
-        """How many unknowns of this rank are those of rigid bodies."""
+        """The number of unknowns of this rank that belong to rigid bodies: all on the last rank,
+        none on the others.
+        """
         return self._held.size - self.fixed.size
 
     @property
     def _held(self) -> Flags:
-        """``prescribed`` without a pressure."""
+        """Which unknowns this rank has prescribed, as ``prescribed``, but without those of a
+        pressure.
+        """
         if (
             self.boundary is None
             or self.boundary.moving is None
@@ -409,33 +431,35 @@ class Model:
 
     @property
     def prescribed(self) -> Flags:
-        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one
-        of rigid bodies.
+        """Which unknowns of the stiffness on this rank are prescribed: those of ``fixed``, then, on
+        the last rank, those of rigid bodies; unknowns of a pressure are not.
         """
         return self._held if self.mixed is None else np.pad(self._held, (0, self.mixed.count))
 
     @property
     def is_assembled(self) -> bool:
-        """Whether there is a stiffness already."""
+        """Whether the stiffness has been assembled."""
         return "_assembled" in self.of_body
 
     @property
     def stiffness(self) -> PETSc.Mat:
-        """Return the matrix of a(., .) on Y_h; prescribed rows and columns are empty, with its
-        largest entry on their diagonal.
+        """The matrix of a(., .) on Y_h.  Rows and columns of prescribed unknowns are zero except
+        for the diagonal, which has the largest diagonal entry of the matrix.
         """
         return self._assembled[0]
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None if
-        they are the same.
+        """The matrix Q from the unknowns of the stiffness, those of rigid bodies included, to nodal
+        displacements; None if both are the same.
         """
         return self._assembled[1]
 
     @shared_in("of_contact")
     def contact(self) -> ContactMap:
-        """B from the unknowns of the stiffness."""
+        """The map B from the unknowns of the stiffness to the relative displacements at contact
+        points.
+        """
         behind = (
             0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
         )
@@ -443,8 +467,9 @@ class Model:
         return contact_map(boundary, self.prescribed, self.stiffness, self.rotation, behind)
 
     def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
-        """Return the mesh as a multigrid level over coarser ones, of which those are left out that
-        are hardly coarser, or far too coarse.
+        """Return the mesh as a multigrid level above coarser ones.
+
+        Coarser levels are left out that have hardly fewer unknowns, or far too few.
         """
         dimension = self.dimension
         least, greatest = FINER_LEVELS
@@ -460,9 +485,11 @@ class Model:
         return level
 
     def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
-        """Return what linear algebra needs to know of the body.
+        """Return the matrix, loads and contact map that linear algebra needs.
 
-        ``coarser``: coarser meshes for multigrid.
+        Args:
+            cases: right-hand sides, one for each load.
+            coarser: coarser meshes for multigrid; None: there are none.
         """
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
@@ -490,9 +517,15 @@ class Model:
         pressure_load: Array | None = None,
         lifted: Array | None = None,
     ) -> LoadCase:
-        """Return the right-hand side of an ``AppliedLoad``.
+        """Return the right-hand side, the start vector and the rigid resultant of one load.
 
-        ``lifted``: what its forces lack of ``prescribed``, None: all.
+        Args:
+            forces: on the owned dofs, shape (owned dofs,).
+            prescribed: displacements of supports, ghosts included, length, shape (dofs,).
+            driven: forces and motions that drive rigid bodies; None: there are none.
+            pushing: the forces that count in the resultant; None: all ``forces``.
+            pressure_load: right-hand side of the unknowns of a pressure; None: zero.
+            lifted: displacements whose forces are subtracted from the load; None: ``prescribed``.
         """
         comm = self.comm
         dim = self.dimension
@@ -529,12 +562,16 @@ class Model:
         **options: Any,
     ) -> Task:
         """Return the contact problem, ready for ``strategy.solve_task`` or an algorithm of one's
-        own, with the first ``factors`` of the cases.
+        own.
 
-        ``allowed``: the regularisation error allowed for path-following at a displacement, in the
-            energy norm, None: that of the settings.
-        ``choose``: the elastic system and the reason for its kind.
-        ``options``: see ``Task``.
+        Args:
+            cases: right-hand sides of the loads.
+            factors: load factors of the cases to begin with.
+            coarser: coarser meshes for multigrid; None: there are none.
+            allowed: gives the regularisation error that path-following may leave at a displacement,
+                in the energy norm; None: the share of the energy norm from the settings.
+            choose: returns the elastic system and the reason for its kind.
+            options: see ``Task``.
         """
         system, reason = choose(
             self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra
@@ -567,8 +604,8 @@ class Model:
         )
 
     def from_rest(self, resting: ReferenceMotion | None, displacement: PETSc.Vec) -> fem.Function:
-        """Return a displacement that is counted from the reference motion, converted to one from
-        the initial position.
+        """Return the displacement from the initial position, given one that is counted from the
+        reference motion.
         """
         function = self.function(displacement)
         if resting is not None:
@@ -593,8 +630,11 @@ class Model:
         return function
 
     def driven(self, x: PETSc.Vec, resting: ReferenceMotion | None) -> Array:
-        """Return the unknowns of rigid bodies in a displacement counted from the reference motion,
-        shape (k,).
+        """Return the displacements of rigid bodies from the initial position, shape (k,).
+
+        Args:
+            x: the unknowns, counted from the reference motion.
+            resting: the reference motion; None: x is counted from the initial position.
         """
         if self.boundary is None or self.boundary.moving is None:
             return np.zeros(0)
@@ -606,15 +646,18 @@ class Model:
         return unknowns
 
     def begin_driven(self, x: PETSc.Vec, driven: Array, resting: ReferenceMotion | None) -> None:
-        """Put the unknowns of rigid bodies into x, the inverse of ``driven``."""
+        """Write the displacements of rigid bodies into x; the inverse of ``driven``."""
         if resting is not None:
             assert self.motions.foundations is not None
             driven = driven - self.motions.foundations @ resting.motion
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
     def unknowns_at(self, displacement: Array, rigid: Array) -> PETSc.Vec:
-        """Return the unknowns x, but a pressure, of a displacement, ghosts included, shape (dofs,),
-        and of rigid bodies, shape (k,).
+        """Return the unknowns x of a state; unknowns of a pressure stay as ``vector`` leaves them.
+
+        Args:
+            displacement: of the nodes, ghosts included, length, shape (dofs,).
+            rigid: the unknowns of rigid bodies, shape (k,).
         """
         x = self.vector(displacement)
         if rigid.size:
@@ -622,8 +665,11 @@ class Model:
         return x
 
     def forces_of(self, values: Array) -> Array:
-        """a(y, .) of a displacement, ghosts included, supports left out, shapes (dofs,), (owned
-        dofs,); collective.
+        """Return the internal forces a(y, .) on the owned dofs, shape (owned dofs,), as if there
+        were no supports; collective.
+
+        Args:
+            values: y, ghosts included, length, shape (dofs,).
         """
         moved = np.flatnonzero(values.reshape(-1, self.dimension).any(axis=1)).astype(np.int32)
         if not parallel.any_rank(self.comm, moved.size > 0):
@@ -634,9 +680,10 @@ class Model:
         return forces if self.beside is None else forces + self.beside.times(values, self.space)
 
     def forces_of_free(self, values: Array) -> Array:
-        """``forces_of`` the part of a displacement that is free, right at free unknowns alone,
-        where no support is
-        turned: a product with the stiffness takes less time than an integration over all cells.
+        """Return ``forces_of`` the part of a displacement at free dofs.
+
+        The forces are right at free dofs alone, and only if no support is turned.  A product with
+        the stiffness takes less time than integrating over all cells.
         """
         forces = self.stiffness * self.vector(values)
         return np.array(forces.getArray(readonly=True)[: self.fixed.size])
@@ -649,8 +696,8 @@ class Model:
         return x
 
     def vector(self, values: Array) -> PETSc.Vec:
-        """Return a new vector Q^T y of displacements or forces at the nodes of this rank, the owned
-        ones first.
+        """Return Q^T y as a new vector of unknowns, for displacements or forces y at the nodes of
+        this rank, owned ones first.
         """
         if self.rotation is None:
             return vector_like(self.stiffness, values)
@@ -661,25 +708,30 @@ class Model:
 
     @property
     def scales(self) -> Scales[float]:
-        """Return the scales that lengths and stresses are compared with."""
+        """The scales that lengths, stresses and energies are compared with."""
         tagged = self.tagged
         return Scales(
             tagged.dimension, self.modulus, tagged.size, self.kinematics.depth(tagged.size)
         )
 
     def factors(self, step: float) -> Array:
-        """Return the factors of the applied loads at a place in the lists of factors, see
+        """Return the load factor of each applied load at a place in the lists of factors, see
         ``statement.load_path``.
         """
         return np.array([load.factor(self.statement, step) for load in self.applied])
 
     def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
-        """Return the applied loads at a place with their factors; collective."""
+        """Return pairs of load factor and applied load at a place in the lists of factors;
+        collective.
+        """
         return [(load.factor(self.statement, step), load.at(step)) for load in self.applied]
 
     def first_sets(self) -> tuple[ActiveSets, int]:
-        """Return the sets of the first linear solve and its number, section 7: 0 if it only
-        computes the start; collective.
+        """Return the active sets to begin with, and the number of the first linear solve as in
+        section 7 of the paper: 0 if that solve only computes the start; collective.
+
+        Raises:
+            SceneError: no contact point is in the region ``solver.initial_contact``.
         """
         assert self.boundary is not None
         region = self.settings.initial_contact
@@ -693,8 +745,8 @@ class Model:
 
     @shared_in("of_body")
     def cases(self) -> tuple[LoadCase, ...]:
-        """Return the right-hand sides of the applied loads, in their order; those of the first load
-        step; collective.
+        """Return the right-hand sides of the applied loads as they are in the first load step;
+        collective.
         """
         return tuple(map(self.case_of, self.applied))
 
@@ -705,8 +757,12 @@ class Model:
         )
 
     def loads_at(self, step: float, *, pushing: bool = False) -> Loads:
-        """Return the applied loads at a place, times their factors, or of the forces those that are
-        ``pushing``; collective.
+        """Return the sum of the applied loads times their factors at a place in the lists of
+        factors; collective.
+
+        Args:
+            step: the place.
+            pushing: whether to sum ``pushing`` of each load in place of its forces.
         """
         forces = np.zeros(self.fixed.size)
         prescribed = np.zeros_like(fem.Function(self.space).x.array)
@@ -717,8 +773,8 @@ class Model:
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
-    """Return values at the nodes of this rank, the owned ones first, as a new vector with the
-    layout of a matrix.
+    """Return a new vector with the column layout of a matrix, filled with values at the nodes of
+    this rank, owned ones first.
     """
     x = matrix.createVecRight()
     x.getArray()[:] = values.ravel()[: x.getLocalSize()]
@@ -726,9 +782,11 @@ def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
 
 
 def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
-    """Return the matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; its
-    entries are copied: petsc4py never gives back the arrays of a matrix to which PETSc adds one
-    with other entries; collective. On one rank dolfinx's matrix takes half the time of PETSc's.
+    """Return the matrix of a sum of bilinear forms with zero rows and columns at ``bcs``;
+    collective.
+
+    The entries are copied: petsc4py never frees the arrays of a matrix to which PETSc adds another
+    one with a different pattern.  On one rank dolfinx assembles in half the time of PETSc.
     """
     if forms[0].mesh.comm.size == 1:
         entries = fem.create_matrix(forms[0], la.BlockMode.expanded)

@@ -1,8 +1,7 @@
-"""What lengths, stresses, stiffnesses and energies of a body are compared with: every formula of
-dimension is here.
+"""Reference values of lengths, stresses, stiffnesses and energies of a body.
 
-In 3D a force is a stress times an area, in 2D, per thickness, a stress times a length: the power of
-a length depends on the dimension d.  ``tests/scenes/test_units.py`` checks the formulas.
+All formulas that depend on the dimension d are here: in 3D a force is a stress times an area, in
+2D, per thickness, a stress times a length.  ``tests/scenes/test_units.py`` checks the formulas.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _Size = TypeVar("_Size", float, Array)
 
 @dataclass(frozen=True)
 class Scales(Generic[_Size]):
-    """The scales of a body, or of each of its pieces: then a size, and all values, are arrays of
+    """The reference values of a body, or of each of its pieces; then sizes and values have the
     shape (pieces,).
     """
 
@@ -33,7 +32,7 @@ class Scales(Generic[_Size]):
     depth: float = 1.0
 
     def of_pieces(self, sizes: Array) -> Scales[Array]:
-        """Return the scales of pieces of these sizes, length, shape (pieces,)."""
+        """Return the scales of pieces with these sizes, length, shape (pieces,)."""
         return Scales(self.dimension, self.modulus, sizes, self.depth)
 
     @property
@@ -48,29 +47,29 @@ class Scales(Generic[_Size]):
 
     @property
     def coordinate_error(self) -> float:
-        """The round-off of coordinates, and so of gaps, length."""
+        """The round-off of coordinates, and therefore of gaps, length."""
         return float(ZERO_COMPONENT * self.size)
 
     def spacing(self, nodes: _Size) -> _Size:
-        """Length between neighbours of so many nodes in a body of this size."""
+        """Return the distance between neighbouring nodes if so many are spread evenly over the
+        body, length.
+        """
         return self.size / nodes ** (1.0 / self.dimension)
 
     def side(self, area: Array) -> Array:
-        """Return lengths of the sides of pieces of the surface with these areas (in 2D:
-        lengths).
-        """
+        """Return the side lengths of surface pieces with these areas (in 2D: lengths)."""
         return (area / self.depth) ** (1.0 / (self.dimension - 1))
 
     def stiffness(self, spacing: _Size) -> _Size:
-        """Force at a node that is moved by a unit of length, at this distance from its
-        neighbours.
+        """Return the force per unit displacement of one node, whose neighbours are at distance
+        ``spacing``.
         """
         return self.modulus * self.depth * spacing ** (self.dimension - 2)
 
     def stress(self, strain_energy: _Size) -> _Size:
-        """Mean stress of a body with this strain energy."""
+        """Return the mean stress of a body with this strain energy."""
         return np.sqrt(2 * self.modulus * strain_energy / (self.depth * self.size**self.dimension))
 
     def deflection(self, stress: _Size) -> _Size:
-        """Length by which this stress deforms the body."""
+        """Return the length by which this stress deforms the body."""
         return stress / self.modulus * self.size

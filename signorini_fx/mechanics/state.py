@@ -1,8 +1,8 @@
-"""Where a body is between two load steps: all that the next one begins from, as arrays.
+"""The state of a body between two load steps, as plain arrays: all that the next step starts from.
 
-A state has no matrix, form, frame or shape in it, and nothing changes it.  In a file displacements
-are those of each cell in the order of the input of the mesh, and contact points have their places:
-any number of ranks can read it.
+A state holds no matrix, form, frame or shape, and is immutable.  A file stores displacements cell
+by cell in the order of the input mesh, and contact points with their coordinates, so that any
+number of ranks can read it.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _OF_POINTS = ("normal", "pressure", "shear", "elastic", "contact", "direction", 
 
 
 class HasPoints(Protocol):
-    """What states are of."""
+    """A problem that has states: it gives contact points and the space of displacements."""
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
         """Return the contact points of this rank, and the space of displacements; collective."""
 
 
 def _frozen(record: DataclassInstance) -> None:
-    """Let nobody write into the arrays of a record."""
+    """Make the arrays of a record read-only."""
     for entry in fields(record):
         values = getattr(record, entry.name)
         if isinstance(values, np.ndarray):
@@ -51,15 +51,16 @@ def _frozen(record: DataclassInstance) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ContactValues:
-    """Contact at the n points of this rank; vectors have components of space, shape (n, d).
+    """Contact quantities at the n points of this rank; vectors are in the axes of space, shape (n,
+    d).
 
     Attributes:
         nodes: local numbers of the nodes, shape (n,).
-        part: the contact that each point belongs to, shape (n,).
-        normal: outward unit normals of then, with which shears turn.
-        pressure: stress, shape (n,).
-        shear: stress.
-        elastic: the part of the slip so far that is due to the regularisation, a stress over gamma,
+        part: number of the contact that each point belongs to, shape (n,).
+        normal: outward unit normals at the end of the step; the shear is turned with them later.
+        pressure: contact pressure, stress, shape (n,).
+        shear: friction traction, stress.
+        elastic: the part of the slip so far that the regularisation causes, shear over gamma,
             length.
         contact: which points are in contact, shape (n,).
         direction: unit vectors of the shear where points slip, zero where they stick.
@@ -82,12 +83,12 @@ class ContactValues:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Values that an effect or a user carries along.
+    """Values of an effect or of a user that are carried from step to step.
 
     Attributes:
-        at: where they are: "dofs" of the displacement, its "nodes", contact "points" or "cells",
-            all of this rank, the first two with ghosts, or "global", the same on all ranks.
-        values: one row for each of them.
+        at: where the values are: "dofs" of the displacement, its "nodes", contact "points" or
+            "cells" of this rank, the first two with ghosts, or "global", the same on all ranks.
+        values: one row for each of these places.
     """
 
     at: str
@@ -103,19 +104,18 @@ class State:
 
     Attributes:
         number: how many load steps have ended.
-        time: when the last one has ended.
-        displacement: from the initial position, ghosts included, length, shape (dofs,); of the
-            start of a solve empty where it is not known.
+        time: when the last one ended.
+        displacement: from the initial position, ghosts included, length, shape (dofs,); empty at
+            the start of a solve if it is not known.
         rigid: coordinates of rigid bodies with unknown motion, lengths, shape (k,).
-        placed: how the shape of each contact is shifted and turned; None: it has none.
-        contact: at the contact points; None: before the first load step.
-        gammas: those of the regularisation in both directions, to which the method has come, stress
-            per length.
-        error: the error of the regularisation that path-following has estimated, in the energy
-            norm.
-        found: by how much forces have shortened each section that they tighten, length; nan: by
-            nothing so far.
-        fields: what effects and users carry along, what materials remember, and the pressure of a
+        placed: translation and rotation of the shape of each contact; None: it has no shape.
+        contact: values at the contact points; None: before the first load step.
+        gammas: the last regularisation parameters of the method, normal and tangential, stress per
+            length.
+        error: the regularisation error that path-following has estimated, in the energy norm.
+        found: the shortening of each bolt that a force tightens, length; nan: none has been found
+            yet.
+        fields: values of effects and users, internal variables of materials, and the pressure of a
             mixed element, by name.
 
     Examples:
@@ -142,10 +142,10 @@ class State:
         _frozen(self)
 
     def with_field(self, name: str, at: str, values: npt.ArrayLike) -> Self:
-        """Return the same with values of an effect or a user, see ``Field``.
+        """Return the state with one more field of an effect or a user, see ``Field``.
 
         Raises:
-            SceneError: there is no such place, or another number of rows.
+            SceneError: ``at`` is no such place, or ``values`` has another number of rows.
         """
         points = 0 if self.contact is None else self.contact.nodes.size
         counts = {"dofs": self.displacement.size, "points": points, "nodes": None, "cells": None}
@@ -160,7 +160,7 @@ class State:
         return replace(self, fields={**self.fields, name: Field(at, rows)})
 
     def save(self, path: str | Path, problem: HasPoints) -> None:
-        """Write it to a file, for any number of ranks; collective.
+        """Write the state to a file, which any number of ranks can read; collective.
 
         Args:
             path: of the file.
@@ -181,7 +181,7 @@ class State:
         parallel.on_root(space.mesh.comm, write)
 
     def table(self, boundary: ContactBoundary, space: fem.FunctionSpace) -> dict[str, Any]:
-        """Return what is stored of it, on the first rank; collective."""
+        """Return the arrays to store, by name, complete on the first rank only; collective."""
         values = self.contact
         rows = {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}
         moved = self.displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
@@ -226,14 +226,14 @@ class State:
 
     @classmethod
     def load(cls, path: str | Path, problem: HasPoints) -> State:
-        """Read what ``save`` has written, on any number of ranks; collective.
+        """Read a state that ``save`` has written, on any number of ranks; collective.
 
         Args:
             path: of the file.
             problem: whose state it is.
 
         Raises:
-            SceneError: the file is none of a state, of another format, mesh or contact.
+            SceneError: the file holds no state, or one of another format, mesh or contact.
         """
         return cls.read(path, *problem.points())
 
@@ -241,7 +241,16 @@ class State:
     def read(
         cls, path: str | Path, boundary: ContactBoundary | None, space: fem.FunctionSpace
     ) -> State:
-        """Read a state for these contact points; None: without contact values; collective."""
+        """Read a state for these contact points; collective.
+
+        Args:
+            path: of the file.
+            boundary: the contact points; None: the state is read without contact values.
+            space: of the displacement.
+
+        Raises:
+            SceneError: see ``load``.
+        """
         comm = space.mesh.comm
         wrong = ""
         state = None
@@ -311,11 +320,14 @@ class State:
 
 
 def at_cells(fields: Mapping[str, Field], like: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the values of fields at the cells that this rank owns, in the shapes of others with
-    these names.
+    """Return the values of the fields named in ``like``, at the cells that this rank owns.
+
+    Args:
+        fields: the fields of a state.
+        like: arrays with the expected shapes, by name.
 
     Raises:
-        SceneError: a field is not there, or of another shape.
+        SceneError: a field is missing or has another shape.
     """
     rows = {name: fields[name].values[: len(one)] for name, one in like.items() if name in fields}
     shapes = {name: values.shape for name, values in rows.items()}
@@ -326,7 +338,7 @@ def at_cells(fields: Mapping[str, Field], like: Mapping[str, Array]) -> dict[str
 
 
 def write_table(path: Path, table: Mapping[str, Any]) -> None:
-    """Write what ``State.table`` gives; on one rank."""
+    """Write the arrays of ``State.table`` to a file; call it on one rank only."""
     with path.open("wb") as stream:
         np.savez(stream, **table)
 
@@ -336,8 +348,9 @@ def _owned_cells(space: fem.FunctionSpace) -> int:
 
 
 def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
-    """Return values at nodes, ghosts included, in each owned cell: up to degree 2 the order of
-    nodes there is that of the input.
+    """Return nodal values, ghosts included, for each owned cell and each of its nodes.
+
+    Up to degree 2 the order of the nodes of a cell is that of the input.
     """
     nodes = space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts
     of_nodes = values.reshape(nodes, values.size // max(nodes, 1))
@@ -345,8 +358,11 @@ def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
 
 
 def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:
-    """Return the inverse of ``_by_cell``, from the values in all cells in the order of the
-    input.
+    """Return nodal values from those stored by cell in the order of the input; the inverse of
+    ``_by_cell``.
+
+    Raises:
+        ValueError: the values belong to another mesh.
     """
     nodes = np.asarray(space.dofmap.list)
     topology = space.mesh.topology
@@ -362,8 +378,10 @@ def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:
 
 
 def _rows_of(table: Mapping[str, Array], boundary: ContactBoundary, moved: Array) -> Ints:
-    """Return which stored row belongs to each contact point, by its place and its displacement,
-    shape (n,).
+    """Return the stored row of each contact point, shape (n,), found by position and displacement.
+
+    Raises:
+        ValueError: some point has no stored row.
     """
     size = float(np.ptp(table["x"], axis=0).max()) or 1.0
     far = float(np.abs(table["y"]).max(initial=0.0)) or 1.0

@@ -1,13 +1,13 @@
-"""What else happens to a body from load step to load step, such as wear or inertia: a base class.
+"""The base class of effects in time, such as wear or inertia: what happens between load steps.
 
-Other packages have more by entry points:
+Other packages add effects by entry points:
 
     [project.entry-points."signorini_fx.step_effects"]
     wear = "its.module:Wear"
 
-An entry of a scene, or a part of a contact, whose class names one of them acts by it in the load
-steps of that scene.  What an effect remembers is in fields of the state, which are carried along
-and stored with it.
+An entry of a scene, or a part of a contact, whose class names one of them has this effect in the
+load steps of that scene.  What an effect remembers is in fields of the state, which are carried
+along and stored with it.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StepContact:
-    """What holds at the n contact points of this rank in a load step.
+    """The contact conditions at the n contact points of this rank in a load step.
 
     Attributes:
         model: the body with these points.
         boundary: the points.
         gap: distances from the obstacles at the end of the step, length, shape (n,).
-        data: what the contact problem is solved with; its gap is another one where that is solved
-            for another displacement than that of the end.
-        law: of friction; None: there is none.
-        drift: by how much obstacles have moved since the state, length, shape (n, d); None: they
-            have not.
-        reference: a displacement from which the contact problem counts, ghosts included, length,
+        data: data of the contact problem to solve; its gap differs from ``gap`` if the problem is
+            solved for another displacement than that at the end of the step.
+        law: the friction law; None: there is none.
+        drift: displacement of the obstacles since the state, length, shape (n, d); None: they have
+            not moved.
+        reference: displacement from which the contact problem counts, ghosts included, length,
             shape (dofs,); None: that of the body.
-        part: of the duration of the step, after which the body is where the contact problem is
-            solved for.
-        softness: by how much the gap grows with the pressure, length per stress, shape (n,); None:
-            it does not.
-        linear: whether the body is; else the problem is solved for the displacement of the end.
+        part: fraction of the duration of the step at which the contact problem is solved: 1 at its
+            end, 0.5 in its middle.
+        softness: growth of the gap with the pressure, length per stress, shape (n,); None: none.
+        linear: whether the body is linear; a nonlinear body is solved for the displacement at the
+            end of the step.
     """
 
     model: Model
@@ -71,26 +71,27 @@ class StepContact:
     linear: bool = True
 
     def with_gap(self, added: Array) -> StepContact:
-        """Return the same with lengths added to the gap, shape (n,)."""
+        """Return the conditions with lengths, shape (n,), added to ``gap`` and the gap of ``data``."""
         data = replace(self.data, gap=self.data.gap + added)
         return replace(self, gap=self.gap + added, data=data)
 
 
 @dataclass(frozen=True)
 class AddedForces:
-    """What a certificate has to add to the forces on a body, at its owned nodes.
+    """Corrections to the equilibrium that a certificate checks, at the owned nodes of the body.
 
     Attributes:
-        resisting: forces beside those of the strains, shape (owned nodes, d).
-        loads: forces beside the loads of the end of the step, of the same shape.
-        prescribed: what supports prescribe in place of the displacement of the end, length, of the
-            same shape.
+        resisting: forces added to those of the strains, shape (owned nodes, d).
+        loads: forces added to the loads at the end of the step, of the same shape.
+        prescribed: displacements of supports that replace those at the end of the step, length, of
+            the same shape.
         lost: round-off of ``resisting``, of the same shape.
-        energy: another energy that stresses may come from, such as the kinetic one, shape (owned
+        energy: other energy that stresses may come from, such as kinetic energy, shape (owned
             nodes,).
-        drives: what drives rigid bodies, in place of that of the end of the step; empty: that.
-        named: what of these forces results show, each with the name of a boundary, None: the body,
-            what acts there, and the forces, shape (owned nodes, d).
+        drives: forces and motions of rigid bodies that replace those at the end of the step; empty:
+            those are kept.
+        named: forces to show in the results: the name of a boundary or None for the body, the name
+            of the force, and the forces, shape (owned nodes, d).
     """
 
     resisting: Array
@@ -104,24 +105,24 @@ class AddedForces:
 
 @dataclass(frozen=True)
 class StepEnd:
-    """How a load step has ended.
+    """The results of a load step, as effects need them.
 
     Attributes:
         model: the body in the step.
         contact: pressure, shear and slip at its contact points on this rank; None: it has none.
-        gap: distances from the obstacles at its end, length, shape (n,).
+        gap: distances from the obstacles at the end of the step, length, shape (n,).
         solved: the displacement that the contact problem was solved for, ghosts included, length,
             shape (dofs,).
-        loads: those of its end.
-        reactions: gives the forces of supports on the owned nodes, shape (owned nodes, d);
+        loads: the loads at the end of the step.
+        reactions: returns the forces of supports on the owned nodes, shape (owned nodes, d);
             collective.
-        elastic: the part of the slip before the step that is due to the regularisation, length,
-            shape (n, d).
-        augmented: whether contact keeps to the law without regularisation.
-        dt: its duration.
-        place: its end, see ``statement.load_path``.
-        internal: gives the forces of a nonlinear body at a displacement, as they are without
-            effects, shapes (dofs,) and (owned dofs,), collective; None: it is linear.
+        elastic: the part of the slip before the step that the regularisation causes, length, shape
+            (n, d).
+        augmented: whether contact obeys the law without regularisation.
+        dt: duration of the step.
+        place: its end as a place in the lists of factors, see ``statement.load_path``.
+        internal: returns the internal forces of a nonlinear body at a displacement, without those
+            of effects, from shape (dofs,) to (owned dofs,), collective; None: the body is linear.
     """
 
     model: Model
@@ -139,13 +140,13 @@ class StepEnd:
 
 @dataclass(frozen=True)
 class SteppedForms:
-    """What a step of a nonlinear body is solved with in place of its residual.
+    """The residual of a time step of a nonlinear body, which replaces the static one.
 
     Attributes:
-        residual: UFL.
-        tangent: its derivative, UFL; None: UFL finds it.
-        begin: takes these to a step from a state, of a duration, and returns what acts beside the
-            loads of its end, forces on the owned dofs.
+        residual: the residual, UFL.
+        tangent: its derivative, UFL; None: UFL derives it.
+        begin: sets both to a step from a state (state, duration, loads at the end of the step) and
+            returns forces on the owned dofs that are added to these loads.
     """
 
     residual: ufl.Form
@@ -154,8 +155,9 @@ class SteppedForms:
 
 
 class StepEffect:
-    """An effect that does nothing: a class of a user's own overrides what it does.  All methods but
-    ``next_time`` are collective.
+    """An effect that does nothing; subclasses override the methods that they need.
+
+    All methods but ``next_time`` are collective.
 
     Examples:
         >>> class Pressed(sfx.StepEffect):
@@ -173,135 +175,175 @@ class StepEffect:
 
     @classmethod
     def of(cls, entry: Any) -> Self:
-        """Return the effect that an entry of a scene states, an ``Effect``, of several the first
-        one, or that parts of contacts do, ``ContactPart`` tables by the numbers of their contacts.
+        """Return the effect that a scene asks for.
+
+        Args:
+            entry: an ``Effect``, the first one if there are several; or, for parts of contacts,
+                their ``ContactPart`` tables by the numbers of the contacts.
         """
         return cls()
 
     def initial(self, model: Model | None, state: State) -> State:
-        """Return the state before the first step with what the effect remembers.
+        """Return the state before the first step, with the fields that the effect starts from.
 
-        ``model``: None: of forms, which state nothing of it.
+        Args:
+            model: the body; None: a user's forms, which state no data of the effect.
+            state: the state without these fields.
         """
         return state
 
     def body(self, model: Model, state: State, dt: float) -> Model:
-        """Return the body with other terms, which depend on the duration of the step and the names
-        of the fields of the state alone, or itself.
+        """Return the body with the terms of the effect added; the default returns it unchanged.
+
+        The terms may depend only on the duration of the step and on which fields the state has.
         """
         return model
 
     def stepped(
         self, F: ufl.Form, J: ufl.Form | None, u: fem.Function, density: Expr | ufl.Form
     ) -> SteppedForms | None:
-        """Return what steps of a nonlinear body are solved with in place of a residual at the
-        displacement ``u`` and its tangent, UFL, None: UFL finds it; None: these.
+        """Return forms that replace the static residual of a nonlinear body; None: it is kept.
 
-        ``density``: mass per volume or the form of the mass.
+        Args:
+            F: the static residual, UFL.
+            J: its tangent, UFL; None: UFL derives it.
+            u: the displacement in both.
+            density: mass per volume, or the form of the mass.
         """
         return None
 
     def driven(self, rigid: RigidBodies, state: State, dt: float) -> Sequence[RigidBody]:
-        """Return rigid bodies with what drives them in a step of a nonlinear body."""
+        """Return the rigid bodies, with the forces and motions that drive them in a step of a
+        nonlinear body.
+        """
         return rigid.bodies
 
     def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
-        """Return what initial strains of the step to a time follow from, by the names by which they
-        ask for it, at the nodes of this rank, shape (nodes,).
+        """Return nodal values that initial strains of a step depend on, such as the temperature, by
+        name.
+
+        Args:
+            model: the body.
+            state: from which the step starts.
+            time: at which it ends.
+
+        Returns:
+            Values at the nodes of this rank, shape (nodes,).
         """
         return {}
 
     def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
-        """Return the loads of a step in place of those that act at its end; None: these."""
+        """Return the right-hand side of a step that replaces the loads at its end; None: they are
+        kept.
+        """
         return None
 
     def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
-        """Return what holds at the contact points in a step of this duration."""
+        """Return the contact conditions of a step of duration ``dt``, changed by the effect."""
         return contact
 
     def forces(
         self, model: Model, loads: Loads, state: State, dt: float, y: Array
     ) -> AddedForces | None:
-        """Return what equilibrium at a displacement, ghosts included, shape (dofs,), has beside
-        stresses, springs and loads; None: nothing.
+        """Return forces that equilibrium has in addition to stresses, springs and loads; None:
+        none.
+
+        Args:
+            model: the body.
+            loads: at the end of the step.
+            state: from which the step starts.
+            dt: duration of the step.
+            y: the displacement, ghosts included, length, shape (dofs,).
         """
         return None
 
     def solved(self, state: State, new: State) -> State:
-        """Return a new state with the displacement, and the coordinates of rigid bodies, that the
-        contact problem of the step that has led to it was solved for.
+        """Return ``new`` with the displacement and the coordinates of rigid bodies for which the
+        contact problem of the step was solved.
         """
         return new
 
     def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
-        """Return the state to begin the same step from again, with what its solution says in fields
-        of the effect; None if it says what they have.
+        """Return the state from which to solve the same step again; None: its solution is
+        consistent.
+
+        An effect that depends on the solution of the step puts what it has found into its fields
+        and repeats the step until they no longer change.
         """
         return None
 
     def last_begun(self, state: State, new: State) -> State:
-        """Return the state that a step between two states was begun from in the end, see
+        """Return the state from which the step between two states was solved the last time, see
         ``repeat``.
         """
         return state
 
     def after(self, state: State, new: State, ended: StepEnd) -> State:
-        """Return the end of a step that has a solution, with what the effect remembers.
+        """Return the end of a converged step, with the fields of the effect updated.
 
         Args:
             state: from which the step began.
             new: its end, with the fields of ``state``.
-            ended: how it has ended.
+            ended: its results.
         """
         return new
 
     def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
-        """Return why a step that has a solution has none with the effect, as worn cells have not;
-        None if it has one.
+        """Return the outcome and the reason if the effect rejects a converged step, such as one
+        that wears a cell away; None: it accepts the step.
         """
         return None
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
-        """Return what is told of a step that has a solution, by names of columns."""
+        """Return numbers to report of a converged step, by names of columns."""
         return {}
 
     def columns(self, new: State) -> Mapping[str, Array]:
-        """Return what is shown of each contact point at the end of a step, by names of columns of
-        the table of contact, each of shape (n,).
+        """Return columns to add to the contact table at the end of a step, by name, each of shape
+        (n,).
         """
         return {}
 
     def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
-        """Yield what ``solve`` says of the last step, the same on all ranks, from its figures."""
+        """Yield the notes and warnings of ``solve`` on the last step, the same on all ranks.
+
+        Args:
+            new: the end of the step.
+            ended: its results.
+            figures: its numbers from ``figures``.
+        """
         yield from ()
 
     def next_time(self, state: State, end: float) -> float:
-        """Return the time of the end of the step after a state, at most that of the load step."""
+        """Return the end of the time step that follows a state, at most ``end``, that of the load
+        step.
+        """
         return end
 
     def shortest(self, model: Model) -> float:
-        """Return the shortest duration of steps that makes sense, time."""
+        """Return the shortest duration of a step that makes sense, time; 0: there is no limit."""
         return 0.0
 
     def findings(self, model: Model) -> Iterator[Finding]:
-        """Yield what ``check`` says of it in a scene, the same on all ranks."""
+        """Yield the notes and warnings of ``check`` on the effect, the same on all ranks."""
         yield from ()
 
     @classmethod
     def overrides(cls, name: str) -> bool:
-        """Return whether it does anything where a method of this name is called."""
+        """Return whether the class overrides the method of this name."""
         return getattr(cls, name) is not getattr(StepEffect, name)
 
     @staticmethod
     def added(state: State, name: str, at: str, values: Array) -> State:
-        """Return a state with values added to a field, which is zero where there is none yet."""
+        """Return a state with values added to a field; a missing field counts as zero."""
         earlier = state.fields.get(name)
         return state.with_field(name, at, values if earlier is None else earlier.values + values)
 
 
 def effects_of_contact(contacts: Sequence[Any]) -> list[StepEffect]:
-    """Return what the parts of contacts do from load step to load step: one effect for each kind,
-    made of all parts of this kind by the numbers of their contacts.
+    """Return the effects that the parts of contacts ask for.
+
+    All parts of one kind, by the numbers of their contacts, make one effect.
     """
     parts = dict[str, dict[int, ContactPart]]()
     for number, contact in enumerate(contacts):
@@ -311,7 +353,7 @@ def effects_of_contact(contacts: Sequence[Any]) -> list[StepEffect]:
 
 
 def stated_effects(statement: Statement) -> list[StepEffect]:
-    """Return what contacts and the entries of a statement do from load step to load step."""
+    """Return the effects that the contacts and entries of a statement ask for."""
     named = {entry.step_effect: entry for entry in reversed(statement.of(Effect))}
     of_entries = (_class(name).of(named[name]) for name in reversed(named) if name)
     return [*effects_of_contact(statement.contact), *of_entries]
