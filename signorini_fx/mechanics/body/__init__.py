@@ -1,8 +1,8 @@
 """The elastic body: from a scene and its mesh to the assembled stiffness and loads, supports and
 rigid motions.
 
-It hands them to the core as a task with its linear system, and must not know by which algorithm
-that is solved.
+The result is a task with a linear system.  This package does not depend on the algorithm that
+solves it.
 """
 
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.

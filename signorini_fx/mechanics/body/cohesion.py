@@ -1,7 +1,7 @@
 """Bonds of contacts that soften and tear, from load step to load step.
 
-The state remembers by contact points the damage, the opening and slip since the bond was made, and
-the energy that has torn it.
+The state holds, at contact points, the damage, the opening and slip since the bond was made, and
+the energy spent on tearing it.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from signorini_fx.mechanics.step_effect import StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding
 from signorini_fx.tuned import NOTABLE, ROOT_OF_EPS
 
-# The opening at which bonds begin to soften, over that at which they have torn, and what they
-# resist at least, over modulus and size of the body.
+# The largest ratio of the opening at which bonds begin to soften to that at which they have torn,
+# and the least stiffness of bonds over modulus / size of the body.
 _FIRST_OF_LAST = 1e-3
 _TIMES_BODY = 100.0
-# Of the energy that has torn bonds, above which what was released is told.  Long load steps alone
+# Ratio of released energy to tearing energy above which it is reported.  Long load steps alone
 # release some percent.
 _RELEASED = 0.01
 
 
 @dataclass(frozen=True)
 class TearingBonds(StepEffect):
-    """The bonds of contacts, by the numbers of these."""
+    """The bonds of contacts, by the numbers of the contacts."""
 
     parts: Mapping[int, Cohesion] = field(default_factory=dict)
 
@@ -68,7 +68,8 @@ class TearingBonds(StepEffect):
         opened = np.maximum(now.gap - now.u_n, 0.0)
         taken = bond.torn(traces)
         taken = taken[:, 0] - taken[:, 1]
-        # What the tractions do on a way, of which both ends are known, and no bond has taken.
+        # Released in a jump is the work of the tractions in the step, by the trapezoidal rule as
+        # only both ends are known, minus what the bonds have dissipated and stored.
         way = np.column_stack(traces) - np.column_stack(first)
         work = inner(0.5 * (bond.tractions(traces) + bond.tractions(first)), way)
         jumped = work - taken - bond.stored(traces) + bond.stored(first)
@@ -90,7 +91,7 @@ class TearingBonds(StepEffect):
         sums = [np.dot(now.points.weight, row) for row in rows]
         names = ("broken", "process_zone", "torn")
         values = parallel.global_sum(now.boundary.comm, np.array(sums))
-        # A step in which a bond begins to soften counts for less than it has taken.
+        # A step in which a bond begins to soften releases a negative amount by this rule.
         released = max(float(new.fields["released"].values[0]), 0.0)
         return {**dict(zip(names, map(float, values), strict=True)), "released": released}
 
@@ -125,7 +126,6 @@ class TearingBonds(StepEffect):
             return
         mesh = model.tagged.mesh
         thinnest = float(np.ptp(model.pieces.bounds, axis=1).min())
-        # Of a side that is narrow, and of one that is not: both as zones were found.
         wanted = 4 // int(model.space.element.basix_element.degree)
         for number, part in self.parts.items():
             x = in_space(boundary.x[boundary.part == number])
@@ -136,6 +136,7 @@ class TearingBonds(StepEffect):
             lengths = energy[on] / strength[on] ** 2, second[on] / shear[on] ** 2
             shortest = -parallel.largest(mesh.comm, -np.concatenate(lengths))
             own = model.modulus * shortest
+            # Fits to computed process zones, the first for thick sides, the second for thin ones.
             zone = min(0.2 * own, 0.5 * own**0.25 * thinnest**0.75)
             facets = [each for _, each, k in boundary.surface if k == number]
             sizes = [mesh.h(mesh.topology.dim - 1, each) for each in facets]
@@ -147,10 +148,10 @@ class TearingBonds(StepEffect):
             yield Finding(level, f"contact[{number}].cohesion", text)
 
     def _bond(self, contact: StepContact) -> Bond:
-        """Return the bonds at first: of points where both sides touch and the strength is not zero.
+        """Return the intact bonds, of points where both sides touch and the strength is not zero.
 
         Raises:
-            SceneError: a parameter is not possible somewhere, or a contact has no bond.
+            SceneError: a parameter is not positive somewhere, or a contact has no bonded point.
         """
         boundary = contact.boundary
         comm = boundary.comm
@@ -191,8 +192,8 @@ class TearingBonds(StepEffect):
 
 
 def _begun(now: ContactState, ended: StepEnd) -> tuple[Bond, tuple[Array, Array]]:
-    """Return the bonds as the step began, and the displacements (tau_N y, slip of the step) at its
-    end.
+    """Return the bonds at the beginning of the step, and the displacements tau_N y and slip of the
+    step at its end.
     """
     data = ended.model.data
     assert data is not None

@@ -1,7 +1,8 @@
-"""How much a body is deformed, compared with the range of linear elasticity.
+"""How much a body is deformed, to judge whether linear elasticity is still accurate.
 
-The relative size of what it neglects of Green's strain, grad u^T grad u / 2, is that of grad u,
-strain and rotation; so is that of a gap along the normal of the undeformed body, which rotates.
+Linear elasticity neglects grad u^T grad u / 2 in Green's strain, whose relative size is that of
+grad u (strain and rotation).  The error of a gap along the normal of the undeformed body, which
+rotates, has the same relative size.
 """
 
 from __future__ import annotations
@@ -35,17 +36,21 @@ class Deformation:
 
     @property
     def largest(self) -> float:
-        """The larger of the two."""
+        """The larger of the two measures."""
         return max(self.gradient, self.displacement)
 
 
 def deformation_of(
     body: Model, displacement: fem.Function, size: float, *, moves: bool = False
 ) -> Deformation:
-    """Return how much a displacement deforms a body of a size, from grad u at the midpoint of each
-    cell; collective.
+    """Return how much a displacement deforms a body, from grad u at the midpoint of each cell;
+    collective.
 
-    ``moves``: whether the mean displacement of each piece is none.
+    Args:
+        body: the body.
+        displacement: its displacement.
+        size: largest extent of the body, length.
+        moves: whether to subtract the mean displacement of each piece.
     """
     pieces = body.motions.pieces
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
@@ -80,8 +85,8 @@ def deformation_of(
 
 
 class CellSlopes:
-    """Derivatives along the reference cell at some of its points, shape (points, d), in all owned
-    cells.
+    """Derivatives with respect to reference coordinates at some points of the reference cell, shape
+    (points, d), in all owned cells.
     """
 
     def __init__(self, space: fem.FunctionSpace, points: Array) -> None:
@@ -106,15 +111,19 @@ class CellSlopes:
 
     @property
     def fits(self) -> bool:
-        """Whether the mesh is where it was, on this rank."""
+        """Whether the coordinates of the mesh on this rank are still those of the time of
+        construction.
+        """
         return np.array_equal(self._mesh.geometry.x, self._seen)
 
     def along_reference(self, displacement: Array) -> Iterator[tuple[Array, Array]]:
-        """Yield for each point the derivatives of places and of displacements, shape (d, d, cells),
-        the direction in the reference cell last.
+        """Yield for each point the derivatives of coordinates and of displacements, shapes (d, d,
+        cells) and (components, d, cells).
+
+        The second axis is the direction in the reference cell.
 
         Args:
-            displacement: its values, ghosts included.
+            displacement: nodal values, ghosts included.
         """
         dim = self._dimension
         components = self._mesh.geometry.dim
@@ -126,7 +135,7 @@ class CellSlopes:
 
 
 def _by_function(values: Array) -> Array:
-    """Return nodal values of shape (cells, functions, d) as (functions, d cells), the cells next to
-    each other.
+    """Return nodal values of shape (cells, functions, d) as shape (functions, d cells), with the
+    cells contiguous in memory.
     """
     return np.ascontiguousarray(values.transpose(1, 2, 0)).reshape(values.shape[1], -1)

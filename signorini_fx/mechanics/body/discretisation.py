@@ -1,6 +1,4 @@
-"""From a scene and its mesh to assembled operators: exactly the forms that the scene lists, each
-assembled once.
-"""
+"""From a scene and its mesh to a ``Model``: the forms that the scene needs, each assembled once."""
 
 from __future__ import annotations
 
@@ -54,14 +52,20 @@ M = TypeVar("M", bound=Model)
 def prepare(
     statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0
 ) -> Model:
-    """Compile and assemble loads and contact boundaries, and find all errors; collective.
+    """Compile and assemble loads and contact boundaries, and check all data that depend on the
+    mesh; collective.
 
-    ``path_step``: place in the lists of factors, at which foundations are, -1 before any has moved.
+    Args:
+        statement: the entries of the scene.
+        tagged: the mesh with its names.
+        timings: where the times of the phases are added.
+        path_step: place in the lists of factors for which foundations are placed; -1: before any
+            has moved.
 
     Raises:
-        SceneError: a file is not there on some rank; or with all errors that only the mesh reveals:
-            boundaries and regions that do not exist or are empty, contact and prescribed
-            displacement in conflict, expressions that are not finite.
+        SceneError: a file is missing on some rank; or, all together, the errors that only the mesh
+            reveals: boundaries and regions that do not exist or are empty, contact where the
+            displacement is prescribed, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
     _refuse_missing_files(statement, tagged.mesh.comm)
@@ -78,8 +82,9 @@ def prepare(
 
 
 def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
-    """Refuse tables and surfaces that some rank does not see, whose error would leave the others
-    waiting.
+    """Raise an error on all ranks if some rank does not find a file of the scene.
+
+    Otherwise that rank would raise it alone, and the others would wait for ever.
     """
     if comm.size == 1:
         return
@@ -188,8 +193,8 @@ def _prepared(
 
 
 def _loaded(on: FormCoefficients, facets: dict[str, Indices], step: float) -> dict[str, Any]:
-    """Return the fields of a model that follow from loads and the supports of a place;
-    collective.
+    """Return the fields of a ``Model`` that follow from the loads, and from the supports at a place
+    in the lists of factors; collective.
     """
     supports = Supports.of(on.statement, on.space, facets, on.tagged, step)
     test = ufl.TestFunction(on.space)
@@ -209,7 +214,9 @@ def _loaded(on: FormCoefficients, facets: dict[str, Indices], step: float) -> di
 
 
 def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
-    """Refuse kinematics of another package in which part of the body has no volume; collective."""
+    """Raise an error if the kinematics of another package give some part of the body no positive
+    volume; collective.
+    """
     if is_of_package(type(kinematics)):
         return
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
@@ -222,8 +229,8 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
 
 
 def placed(model: M, step: float) -> M:
-    """Return the model with contact and supports of a place in the lists of factors; itself if
-    nothing changes; collective.
+    """Return the model with the contacts and supports at a place in the lists of factors; the model
+    itself if nothing changes; collective.
     """
     statement = model.statement
     contacts = statement.contacts_at(step)
@@ -240,8 +247,8 @@ def placed(model: M, step: float) -> M:
 
 
 def held_at(model: M, step: float) -> M:
-    """Return the model with the supports of a place, and contact as it is; itself if no support
-    changes; collective.
+    """Return the model with the supports at a place in the lists of factors and unchanged contacts;
+    the model itself if no support changes; collective.
     """
     if model.statement.held_at(step) == model.held:
         return model
@@ -249,7 +256,9 @@ def held_at(model: M, step: float) -> M:
 
 
 def _with_supports(model: M, step: float, contacts: tuple[Any, ...]) -> M:
-    """Return the model with the supports of a place and these contacts; collective."""
+    """Return the model with the supports at a place in the lists of factors and with these
+    contacts; collective.
+    """
     on = model.coefficients
     assert on is not None
     loaded = _loaded(on, boundary_facets(on.statement, on.tagged), step)
@@ -260,7 +269,9 @@ def _with_supports(model: M, step: float, contacts: tuple[Any, ...]) -> M:
 
 
 def contact_of(model: Model) -> dict[str, Any]:
-    """Return the fields of a model that follow from its contacts; collective."""
+    """Return the fields of a ``Model`` that follow from its contacts: the contact points, pairs,
+    gaps and friction law; collective.
+    """
     foundations = _foundations(model)
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
     shapes = foundations.shapes()
@@ -271,14 +282,14 @@ def contact_of(model: Model) -> dict[str, Any]:
 
 
 def law_of(model: Model) -> PointFriction | None:
-    """Return the friction of the contacts of a model at its contact points; collective."""
+    """Return the friction law of a model at its contact points; collective."""
     assert model.boundary is not None
     return _foundations(model).law(model.boundary, model.scales.modulus)
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
-    """Return the model with gap and friction, without axes, of another statement at the same
-    contact points; collective.
+    """Return the model with the gaps and friction of another statement at the same contact points;
+    axes of friction are not changed; collective.
     """
     assert model.boundary is not None
     changed = replace(model.with_statement(statement), contacts=statement.contact)
@@ -290,15 +301,17 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
 
 
 def placements(contacts: Sequence[Any]) -> tuple[Placement | None, ...]:
-    """Return how the foundation of each contact is shifted and turned, or None if it has none that
-    can be.
+    """Return the translation and rotation of the foundation of each contact; None if it cannot
+    move.
     """
     return tuple(getattr(contact.foundation, "placement", None) for contact in contacts)
 
 
 def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | None:
-    """Return how far foundations have moved at the contact points since they were placed in another
-    way, length, shape (n, d); None: none moves.
+    """Return how far foundations have moved at the contact points since some earlier placements,
+    length, shape (n, d).
+
+    Returns None if no foundation moves.
     """
     boundary = model.boundary
     dimension = model.tagged.dimension
@@ -318,7 +331,7 @@ def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | No
 
 
 def _foundations(model: Model) -> Foundations:
-    """Return the contacts of a model."""
+    """Return the contacts of a model, ready to be evaluated at contact points."""
     facets = model.tagged.facets
     contacts = model.contacts
     on = [facets(effect.boundary) for effect in contacts]
@@ -333,8 +346,11 @@ def _foundations(model: Model) -> Foundations:
 
 
 def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indices]:
-    """Return facets of every boundary that the scene names; all missing and empty ones are reported
-    together.
+    """Return the facets of every boundary that the scene names, by name.
+
+    Raises:
+        SceneError: boundaries or regions are missing, empty, inside the body or in two contacts;
+            all errors together.
     """
     facets = {}
     problems = []
@@ -398,8 +414,10 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indic
 
 
 def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
-    """Refuse what cannot be evaluated on some rank, while the others would wait, or is a wrong
-    number.
+    """Evaluate all functions and tables of the scene once, and raise an error on all ranks if one
+    fails or returns a number out of range.
+
+    Otherwise one rank would fail alone later, while the others wait.
     """
     problems = []
     for path, entry in statement.listed():
@@ -415,7 +433,9 @@ def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
 def _problems(
     path: str, value: Value | None, entry: Effect, tagged: TaggedMesh
 ) -> list[tuple[str, str]]:
-    """Return what is wrong with a value on this rank."""
+    """Return pairs of key and message for what is wrong with a value on this rank; empty if it is
+    right.
+    """
     strains = isinstance(entry, InitialStrain)
     resists = isinstance(entry, Resistance)
     given = callable(value) and not isinstance(value, Expression)
@@ -443,7 +463,7 @@ def _problems(
 
 
 def _values(entry: Effect) -> Iterator[tuple[str, Value | None]]:
-    """What an entry gives as values of the position, by keys."""
+    """Yield key and value of the data of an entry that may depend on the position."""
     yield from getattr(entry, "given", {}).items()
     yield "grading", getattr(entry, "grading", None)
     for key in ("direction", "second"):  # axes of a material
@@ -453,8 +473,10 @@ def _values(entry: Effect) -> Iterator[tuple[str, Value | None]]:
 
 
 def _points_of(entry: Effect, tagged: TaggedMesh) -> Array:
-    """Return nodes of the region of an entry, of its boundary with middles of facets, or of the
-    mesh, shape (3, n).
+    """Return points at which to try the functions of an entry, shape (3, n).
+
+    They are the nodes of its region; the vertices and midpoints of the facets of its boundary; or
+    all nodes of the mesh.
     """
     mesh = tagged.mesh
     boundary = getattr(entry, "boundary", None)

@@ -1,17 +1,19 @@
-"""Heat in bodies and through their contact, from load step to load step: steady, or by the
-implicit Euler rule where materials have a specific heat.
+"""Heat conduction in bodies and through their contact, from load step to load step: steady, or by
+the implicit Euler rule where materials have a specific heat.
 
-With B the map of contact points to temperatures, one side less the other, D and M its two parts,
-and the weights w,
+B maps nodal temperatures to the jump at contact points, one side minus the other; D and M are its
+parts on the two sides, and w the weights of the points:
 
     C (T - T_0) / dt + K T + B^T w h (B T - T_f) = f + D^T w b q + M^T w (1 - b) q,
-    q = share of mu . xi / dt,
+    q = share of mu . xi / dt.
 
-T_0 at its beginning, where h(pressure, gap) is the conductance, T_f the temperature of foundations,
-b the share of one side.  Rows of D and M have the sum one: what one side loses the other gains.
-Temperatures strain the body, and contact decides h and q: a step is solved again until both agree.
-Aitken's factor shortens that, and the factor by which a turn repeats a change of the temperature is
-physics: from one on no steady temperature is stable.
+T_0 is the temperature at the beginning of the step, h(pressure, gap) the conductance, T_f the
+temperature of foundations, b the share of one side in the friction heat q.  Rows of D and M have
+the sum one: what one side loses the other gains.
+
+Temperatures strain the body, and contact determines h and q, so a step is solved in turns until
+both agree, accelerated by Aitken's factor.  A turn multiplies a change of the temperature by a
+factor that is a property of the problem: where it is one or more no steady temperature is stable.
 """
 
 from __future__ import annotations
@@ -49,11 +51,13 @@ from signorini_fx.mechanics.step_effect import StepEffect, StepEnd
 from signorini_fx.records import Finding, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, ROOT_OF_EPS
 
-_SETTLED = 1e-10  # of the range of temperatures: by how much a turn may change one
-# Fields of the state at contact points: both sides, and what passes from the first to the second.
+_SETTLED = 1e-10  # change of temperatures in the last turn, relative to their range
+# Fields of the state at contact points: the temperatures of both sides, and the heat flux from the
+# first to the second.
 _AT_POINTS = ("temperature_slave", "temperature_master", "heat_flux")
-_PASSING = 6.0  # squares of a cell over diffusivity and a step above which nodes beside get colder
-_GROWING = 3  # turns one after the other, each of which repeats more than all of a change
+# h^2 / (diffusivity * dt) above which temperatures next to a heated node undershoot.
+_PASSING = 6.0
+_GROWING = 3  # turns in a row with a growing change, after which a step is given up
 
 
 # The temperature at the nodes as a step begins, and the duration of the step.
@@ -61,9 +65,11 @@ Before = tuple[Array, float]
 
 
 class Balance(NamedTuple):
-    """The balance of heat in a step: the power that each entry brings, shape (entries,), the
-    largest residual at free nodes relative to the largest power at a node, what contact takes from
-    all bodies, what they store, and powers below which there is round-off alone.
+    """The heat balance of a step.
+
+    It has the power of each entry into the body, shape (entries,); the largest residual at free
+    nodes, relative to the largest power at a node; the power that contact takes from all bodies;
+    the power that they store; and the round-off of these powers.
     """
 
     power: Array
@@ -75,14 +81,14 @@ class Balance(NamedTuple):
 
 @dataclass(frozen=True)
 class PassedHeat:
-    """Heat at the n contact points of this rank.
+    """Heat transfer at the n contact points of this rank.
 
     Attributes:
         conductance: h, power per area and temperature, shape (n,).
         beyond: the temperature of foundations, zero between two bodies, shape (n,).
-        friction: heat of friction, power per area, shape (n,).
-        share: that of the side with the points, shape (n,).
-        map: from temperatures at nodes to those at the points.
+        friction: friction heat, power per area, shape (n,).
+        share: fraction of the friction heat that goes to the side with the points, shape (n,).
+        map: from nodal temperatures to temperature jumps at the points.
     """
 
     conductance: Array
@@ -93,7 +99,14 @@ class PassedHeat:
 
     @classmethod
     def of(cls, model: Model, contact: ContactState, time: float, dt: float) -> Self:
-        """Return what passes contact as it is at a time, after a step of a duration."""
+        """Return the heat transfer of a contact state.
+
+        Args:
+            model: the body.
+            contact: its contact state at the end of a step.
+            time: the end of the step.
+            dt: its duration.
+        """
         part = contact.boundary.part
         conductance, beyond, friction, share = (np.zeros(part.size) for _ in range(4))
         pressure = np.maximum(contact.pressure, 0.0)
@@ -113,14 +126,20 @@ class PassedHeat:
         return cls(conductance, beyond, friction, share, to_points)
 
     def jump(self, values: Array) -> Array:
-        """Return the temperature of the side of the points less that of the other one, shape (n,),
-        of temperatures at the nodes of this rank; collective.
+        """Return the temperature of the side with the points minus that of the other side or the
+        foundation, shape (n,); collective.
+
+        Args:
+            values: temperatures at the nodes of this rank.
         """
         return self.map.of(values) - self.beyond
 
     def at_nodes(self, values: Array | None) -> Array:
-        """Return what contact brings to the owned nodes, power, shape (owned nodes,), at
-        temperatures of the nodes of this rank, None: at zero; collective.
+        """Return the power that contact brings to the owned nodes, shape (owned nodes,);
+        collective.
+
+        Args:
+            values: temperatures at the nodes of this rank; None: zero.
         """
         apart = -self.beyond if values is None else self.jump(values)
         other = (1.0 - self.share) * self.friction
@@ -129,9 +148,9 @@ class PassedHeat:
 
 
 class Conductor:
-    """A body as conduction sees it: its forms and the map of its contact points.
+    """The heat conduction problem of a body: its forms and the map to its contact points.
 
-    Forms have the values of the time of ``on``.  All methods are collective.
+    The coefficients of the forms are those at the time of ``on``.  All methods are collective.
     """
 
     def __init__(self, model: Model) -> None:
@@ -199,7 +218,7 @@ class Conductor:
 
     @classmethod
     def of(cls, model: Model) -> Conductor:
-        """Return that of a body, made once."""
+        """Return the conduction problem of a body; it is made once and kept."""
         entries = model.statement.effects["heat"]
         kept: Conductor | None = model.of_mesh.get("heat")
         if kept is None or kept.entries is not entries:
@@ -208,11 +227,11 @@ class Conductor:
 
     @property
     def owned(self) -> int:
-        """How many nodes this rank owns."""
+        """The number of nodes that this rank owns."""
         return int(self.space.dofmap.index_map.size_local)
 
     def nodes_of(self, entry: Heat | InitialTemperature) -> Ints:
-        """Return the nodes of this rank on the boundary of an entry, or in its region;
+        """Return the nodes of this rank on the boundary of an entry or in its region;
         collective.
         """
         if entry.where is not None:
@@ -222,8 +241,8 @@ class Conductor:
         return np.flatnonzero(marked_nodes(self.space, np.asarray(nodes).ravel()))
 
     def prescribed(self, time: float) -> tuple[Array, Ints]:
-        """Return the prescribed temperatures at nodes of this rank, and the number of the entry
-        that prescribes each, -1: none does, shape (nodes,); collective.
+        """Return the prescribed temperatures at the nodes of this rank, and the number of the entry
+        that prescribes each, -1 where none does, both of shape (nodes,); collective.
         """
         x = node_positions(self.space).T
         values = np.zeros(x.shape[1])
@@ -236,7 +255,7 @@ class Conductor:
         return values, by
 
     def first(self) -> Array:
-        """Return the temperature before the first step, at the nodes of this rank, shape (nodes,);
+        """Return the temperature before the first step at the nodes of this rank, shape (nodes,);
         collective.
         """
         x = node_positions(self.space).T
@@ -257,8 +276,12 @@ class Conductor:
         return sum_of([self.capacity_form], [])
 
     def solved(self, passed: PassedHeat | None, time: float, before: Before | None) -> Array:
-        """Return the temperature at the nodes at a time, shape (nodes,), after a step that began
-        with another one; None: a steady one.
+        """Return the temperature at the end of a step at the nodes of this rank, shape (nodes,).
+
+        Args:
+            passed: heat transfer of the contact; None: there is none.
+            time: the end of the step.
+            before: temperature at its beginning, and its duration; None: a steady temperature.
         """
         parts = () if passed is None else (passed.conductance, passed.beyond, passed.friction)
         key = np.concatenate([[time], *parts, *(before or ())], axis=None).tobytes()
@@ -303,8 +326,13 @@ class Conductor:
     def balance(
         self, passed: PassedHeat | None, values: Array, time: float, before: Before | None
     ) -> Balance:
-        """Return the balance of temperatures at a time, see ``solved``, by forms of its own;
-        collective.
+        """Return the heat balance of temperatures, recomputed from forms of its own; collective.
+
+        Args:
+            passed: see ``solved``.
+            values: the temperatures at the nodes of this rank.
+            time: see ``solved``.
+            before: see ``solved``.
         """
         comm = self.model.comm
         self.on.set_time(time)
@@ -342,8 +370,10 @@ class Conductor:
     # --- what decides a temperature ---
 
     def _determined(self, passed: PassedHeat | None, held: Flags) -> Flags:
-        """Return which pieces of the body have a temperature that something decides, shape
-        (pieces,); collective.
+        """Return which pieces of the body have a unique temperature, shape (pieces,); collective.
+
+        A piece has one if it stores heat, or if a chain of conducting contacts links it to a
+        prescribed temperature, a film or a foundation of given temperature.
         """
         pieces = self.model.pieces
         if self.stores:
@@ -370,12 +400,14 @@ class Conductor:
         return np.asarray(part[:-1] == part[-1])
 
     def _of_pieces(self, chosen: Flags) -> Flags:
-        """Return which owned nodes are those of some pieces, shape (owned nodes,)."""
+        """Return which owned nodes belong to the chosen pieces, shape (owned nodes,)."""
         nodes = self.space.dofmap.list[chosen[self.model.pieces.of_cell]]
         return np.asarray(np.isin(np.arange(self.owned), nodes))
 
     def undetermined(self, passed: PassedHeat | None) -> str:
-        """Return what has a temperature that nothing decides; "": everything has one."""
+        """Return a message that names the pieces without a unique temperature; "" if there are
+        none.
+        """
         _, by = self.prescribed(self.model.path.time_at(0))
         known = self._determined(passed, by >= 0)
         if known.all():
@@ -385,22 +417,29 @@ class Conductor:
 
 
 def _temperature(model: Model, state: State, name: str = "temperature") -> Array:
-    """Return a temperature of a state by the name of its field, or where it has none that before
-    the first step, shape (nodes,); collective.
+    """Return a temperature field of a state; that before the first step if the state has no such
+    field, shape (nodes,); collective.
+
+    Args:
+        model: the body.
+        state: the state.
+        name: of the field.
     """
     known = state.fields.get(name)
     return Conductor.of(model).first() if known is None else known.values.ravel()
 
 
 def _used(model: Model, state: State) -> Array:
-    """Return the temperature that strains the body in a step from a state where contact decides it,
-    shape (nodes,).
+    """Return the temperature that strains the body in the next turn of a step from a state, shape
+    (nodes,).
     """
     return _temperature(model, state, "heating" if "heating" in state.fields else "temperature")
 
 
 def _before(model: Model, state: State, time: float) -> Before | None:
-    """Return what the step from a state to a time begins with, or None if it is a steady one."""
+    """Return the temperature at the beginning of the step from a state to a time, and its duration;
+    None if the step is steady.
+    """
     if not Conductor.of(model).stores:
         return None
     return _temperature(model, state), time - state.time
@@ -410,10 +449,11 @@ def _before(model: Model, state: State, time: float) -> Before | None:
 class Conduction(StepEffect):
     """The temperature of bodies in each load step.
 
-    Fields of the state: ``temperature``, at nodes, that of the end; ``heating``, that which strains
-    the body, the same up to what a turn may change; ``heat_change``, by how much the last turn has
-    changed it; ``heat_turns``: the step, the turns so far, Aitken's factor, that of the turns, and
-    how many of them one after the other have grown.
+    Fields of the state: ``temperature``, at nodes, at the end of the step; ``heating``, the
+    temperature that strains the body, equal to it up to the tolerance of the turns;
+    ``heat_change``, the change of temperature in the last turn; ``heat_turns``: the number of the
+    step, the turns so far, Aitken's factor, the factor by which a turn multiplies a change, and how
+    many turns in a row it has been one or more.
     """
 
     @classmethod
@@ -422,7 +462,7 @@ class Conduction(StepEffect):
 
     @staticmethod
     def _turns(model: Model) -> bool:
-        """Return whether contact decides the temperature."""
+        """Return whether contact influences the temperature, so that a step is solved in turns."""
         return any(
             entry.conductance is not None or entry.friction_heat is not None
             for entry in model.contacts
@@ -439,8 +479,8 @@ class Conduction(StepEffect):
 
     @staticmethod
     def _undetermined(model: Model) -> str:
-        """Whose temperature nothing can decide even where all contact is closed; "": that of
-        none; collective.
+        """Return a message that names the pieces without a unique temperature even if all contact
+        is closed; "" if there are none; collective.
         """
         boundary = model.boundary
         passed = None
@@ -458,7 +498,7 @@ class Conduction(StepEffect):
         return {"temperature": Conductor.of(model).solved(None, time, _before(model, state, time))}
 
     def _found(self, state: State, new: State, ended: StepEnd) -> Array:
-        """Return the temperature that a step leads to, shape (nodes,)."""
+        """Return the temperature at the end of a step for its contact state, shape (nodes,)."""
         before = _before(ended.model, state, new.time)
         return Conductor.of(ended.model).solved(self._passed(new, ended), new.time, before)
 
@@ -468,7 +508,7 @@ class Conduction(StepEffect):
         return PassedHeat.of(ended.model, ended.contact, new.time, ended.dt)
 
     def _unsettled(self, state: State, new: State, ended: StepEnd) -> tuple[Array, float]:
-        """Return the change of the temperature by a turn, shape (nodes,), and the largest one
+        """Return the change of the temperature in a turn, shape (nodes,), and its largest value
         relative to the range of temperatures; collective.
         """
         found = self._found(state, new, ended)
@@ -560,8 +600,8 @@ class Conduction(StepEffect):
         return Conductor.of(ended.model).balance(self._passed(new, ended), values, new.time, before)
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
-        """Return what comes in, what goes out, what stays, what passes contact, heat of friction,
-        powers, the residual at nodes, the balance, the turns and their factor.
+        """Return the numbers to report: power in, out, stored, through contact and of friction, the
+        errors of the balance, the largest temperature, the number of turns and their factor.
         """
         balance = self._balance(state, new, ended)
         comm = ended.model.comm

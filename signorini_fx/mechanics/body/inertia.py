@@ -77,22 +77,22 @@ from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.inertia import Inertia
 
-_POINTS_OF_WORK = 3  # along a step: its error is of the order of their number, twice
-_LEAST_STEP = 0.5  # of the time that a wave takes through a cell: below it the mesh rings
+_POINTS_OF_WORK = 3  # Gauss points along a step; the error of the work has twice this order
+_LEAST_STEP = 0.5  # shortest step over the time of a wave through a cell; below it the mesh rings
 
 
 @dataclass(frozen=True)
 class MidpointRule(StepEffect):
-    """Inertia of all bodies, by time steps of the midpoint rule.
+    """Inertia of all bodies, with time steps of the midpoint rule.
 
     Attributes:
-        time_step: longest duration of a step, time; load steps are divided into equal ones; None:
-            each load step is one.
+        time_step: longest duration of a step, time; each load step is divided into equal ones;
+            None: each load step is one time step.
         start: see ``Inertia``.
     """
 
     moves_bodies = True
-    # Two where motions are smooth, one where waves jump.
+    # A compromise: the order is two for smooth motions, one where waves have fronts.
     order = 4 / 3
 
     time_step: float | None = None
@@ -105,8 +105,11 @@ class MidpointRule(StepEffect):
     # --- where motion begins ---
 
     def initial(self, model: Model | None, state: State) -> State:
-        """Return a body that moves from its undeformed place, or where ``start`` is static, one of
-        which statics says where it is.
+        """Return the state before the first step: with the initial velocity, or for a static start
+        with that velocity set aside until the static step has been solved.
+
+        A static start is the default if loads act at the beginning and no initial velocity is
+        given.
         """
         if model is None:
             return state.with_field("velocity", "dofs", np.zeros_like(state.displacement))
@@ -128,7 +131,11 @@ class MidpointRule(StepEffect):
         return state.with_field("load", "dofs", _with_ghosts(model, loads.forces))
 
     def _initial_velocity(self, model: Model) -> Array:
-        """Return what is stated at the dofs of this rank, ghosts included."""
+        """Return the initial velocity at the dofs of this rank, ghosts included, shape (dofs,).
+
+        Raises:
+            SceneError: a prescribed node moves.
+        """
         space = model.space
         dim = model.dimension
         x = node_positions(space).T.astype(np.float64)
@@ -146,8 +153,8 @@ class MidpointRule(StepEffect):
         return velocity.ravel()
 
     def _check(self, model: Model) -> None:
-        """Refuse rigid bodies without a mass, and time steps that are too short for the cells in
-        contact; collective.
+        """Raise an error if a rigid body has no mass, or the time step is too short for the cells
+        in contact; collective.
         """
         refuse_massless(model.rigid)
         if model.boundary is None or self.time_step is None:
@@ -163,13 +170,13 @@ class MidpointRule(StepEffect):
             raise SceneError.at("inertia.time_step", reason)
 
     def shortest(self, model: Model) -> float:
-        if model.boundary is None or not model.materials:  # of forms none is known
+        if model.boundary is None or not model.materials:  # unknown for a user's forms
             return 0.0
         return _LEAST_STEP * self.smallest_cell(model)[0]
 
     def smallest_cell(self, model: Model) -> tuple[float, float]:
-        """Return the time in which a wave passes the smallest cell in contact, and its height,
-        length; collective.
+        """Return the time that a wave needs to pass the smallest cell in contact, and the height of
+        this cell, length; collective.
         """
         speed = 0.0
         for material in model.materials:
@@ -259,7 +266,7 @@ class MidpointRule(StepEffect):
             return None
         _, matrix = _mass(model)
         forces = loads.forces - _half_change(loads.forces, state)
-        # Counted from u_n displacements are small, and so is their round-off times gamma.
+        # The unknown is y - u_n: small displacements have small round-off, which gamma multiplies.
         for form in model.forms[:-1]:
             forces -= _action(form, model.space, state.displacement)
         forces += 2.0 / dt * _times(matrix, _velocity(state))
@@ -309,8 +316,10 @@ class MidpointRule(StepEffect):
 
     @staticmethod
     def _persistent(contact: StepContact, state: State, dt: float) -> StepContact:
-        """Return what holds for the displacement of the end: points that are pressed stay as deep
-        inside as they are, others where the old velocity would bring them in half a step.
+        """Return the contact conditions of a nonlinear body at the end of the step.
+
+        Points under pressure keep their penetration; others may get as deep as the old velocity
+        would bring them in half a step.
         """
         model = contact.model
         data = contact.data
@@ -381,7 +390,7 @@ class MidpointRule(StepEffect):
         return new.with_field("contact", "points", np.column_stack((ended.gap, penetration)))
 
     def _moved(self, state: State, new: State, ended: StepEnd) -> State:
-        """Return the end of a step from its middle."""
+        """Return the state at the end of a step from the solution of its contact problem."""
         model = ended.model
         mean, free = _velocities_of(state, ended)
         velocity = free + _held_change(model, new, mean - free)
@@ -455,7 +464,9 @@ class MidpointRule(StepEffect):
 
     @staticmethod
     def _contact_work(state: State, new: State, ended: StepEnd) -> tuple[float, float]:
-        """Return what contact takes from the body, by pressure and shear, and by pressure alone."""
+        """Return the work that contact takes from the body in a step: by pressure and shear, and by
+        pressure alone.
+        """
         contact = ended.contact
         if contact is None:
             return 0.0, 0.0
@@ -473,7 +484,12 @@ class MidpointRule(StepEffect):
 
     @staticmethod
     def _support_work(step: Array, ended: StepEnd) -> float:
-        """Return the work of supports on the owned dofs as they move."""
+        """Return the work of moving supports in a step.
+
+        Args:
+            step: displacement of the owned dofs in the step.
+            ended: results of the step.
+        """
         model = ended.model
 
         def held(values: Array) -> Array:
@@ -490,7 +506,7 @@ class MidpointRule(StepEffect):
 
 
 def density_of(given: Expr | ufl.Form | float, space: fem.FunctionSpace) -> Expr | ufl.Form:
-    """Return a density, or a form of the mass, as forms give it.
+    """Return a density, or a mass form, from what the user passes with the forms.
 
     Raises:
         FormError: it is neither.
@@ -510,7 +526,7 @@ def density_of(given: Expr | ufl.Form | float, space: fem.FunctionSpace) -> Expr
 
 
 def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
-    """Return the compiled form of the mass times a factor; collective."""
+    """Return the compiled mass form times a factor, None: 1; collective."""
     space = model.space
     assert model.density is not None
     scale = fem.Constant(space.mesh, default_scalar_type(1.0 if factor is None else factor))
@@ -518,7 +534,7 @@ def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
 
 
 def _mass_of(density: Expr | ufl.Form, space: fem.FunctionSpace) -> ufl.Form:
-    """Return the form of the mass in UFL, of a density or itself."""
+    """Return the mass form of a density, UFL; a form is returned as it is."""
     if isinstance(density, ufl.Form):
         return density
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -527,7 +543,7 @@ def _mass_of(density: Expr | ufl.Form, space: fem.FunctionSpace) -> ufl.Form:
 
 
 def _mass(model: Model) -> tuple[fem.Form, PETSc.Mat]:
-    """Return the form and the matrix of the mass, made once; collective."""
+    """Return the compiled mass form and the mass matrix, made once; collective."""
     if "mass" not in model.of_mesh:
         form = _mass_form(model)
         model.of_mesh["mass"] = form, sum_of([form], [])
@@ -541,7 +557,9 @@ def _times(matrix: PETSc.Mat, values: Array) -> Array:
 
 
 def _action(form: fem.Form, space: fem.FunctionSpace, values: Array) -> Array:
-    """Return a form at values at the dofs of this rank, shape (owned dofs,); collective."""
+    """Return the product of a bilinear form with values at the dofs of this rank, shape (owned
+    dofs,); collective.
+    """
     function = fem.Function(space)
     function.x.array[:] = values
     nodes = np.arange(values.size // space.dofmap.index_map_bs, dtype=np.int32)
@@ -549,20 +567,22 @@ def _action(form: fem.Form, space: fem.FunctionSpace, values: Array) -> Array:
 
 
 def _kinetic(model: Model, velocity: Array) -> float:
-    """Return the kinetic energy; collective."""
+    """Return the kinetic energy of a velocity; collective."""
     _, matrix = _mass(model)
     return 0.5 * _sum(model, _times(matrix, velocity) @ velocity[: model.fixed.size])
 
 
 def _energies(state: State) -> Array:
-    """Return the largest energy so far, and the energy of the strains of a nonlinear body."""
+    """Return the largest energy so far, and the strain energy of a nonlinear body."""
     earlier = state.fields.get("energy")
     return np.zeros(2) if earlier is None else earlier.values.astype(np.float64)
 
 
 def _strain_work(ended: StepEnd, begin: Array, end: Array) -> float:
-    """Return the work of the forces of a nonlinear body from one displacement to another, an energy
-    where they have one; collective.
+    """Return the work of the internal forces of a nonlinear body along the straight path from one
+    displacement to another; collective.
+
+    It is the difference of the strain energies if the material has one.
     """
     assert ended.internal is not None
     way = end - begin
@@ -572,12 +592,12 @@ def _strain_work(ended: StepEnd, begin: Array, end: Array) -> float:
 
 
 def _velocity(state: State) -> Array:
-    """Return the velocities of the dofs of this rank, ghosts included, shape (dofs,)."""
+    """Return the velocities of a state at the dofs of this rank, ghosts included, shape (dofs,)."""
     return state.fields["velocity"].values.ravel()
 
 
 def _with_ghosts(model: Model, owned: Array) -> Array:
-    """Return values at all dofs of this rank from those that it owns; collective."""
+    """Return values at all dofs of this rank from those at the owned ones; collective."""
     function = fem.Function(model.space)
     function.x.array[: owned.size] = owned
     function.x.scatter_forward()
@@ -589,15 +609,13 @@ def _sum(model: Model, local: Array) -> float:
 
 
 def _aim(state: State, dt: float) -> Array:
-    """Return the displacement to which the old velocity leads in half a step, length, shape
-    (dofs,).
-    """
+    """Return the displacement after half a step with the old velocity, length, shape (dofs,)."""
     return state.displacement + 0.5 * dt * _velocity(state)
 
 
 def _half_change(forces: Array | float, state: State) -> Array | float:
-    """Return what loads at the end of a step are more than in its middle, shape (owned dofs,), or 0
-    where there are none.
+    """Return the loads at the end of a step minus the mean of both ends, shape (owned dofs,); zero
+    if the state has no loads.
     """
     earlier = state.fields.get("load")
     if earlier is None:
@@ -606,15 +624,17 @@ def _half_change(forces: Array | float, state: State) -> Array | float:
 
 
 def _velocities_of(state: State, ended: StepEnd) -> tuple[Array, Array]:
-    """Return the mean velocity of a step, and that at its end if nothing holds, shapes (dofs,)."""
+    """Return the mean velocity of a step, and the velocity at its end if no support or friction
+    changes it, shapes (dofs,).
+    """
     way = ended.solved - state.displacement
     mean = np.asarray((2.0 if ended.internal is None else 1.0) * way / ended.dt)
     return mean, 2.0 * mean - _velocity(state)
 
 
 def _held_change(model: Model, new: State, change: Array) -> Array:
-    """Return the part of changes of dofs, ghosts included, in directions that supports prescribe,
-    or where a point sticks to a foundation; collective.
+    """Return the part of changes of the dofs, ghosts included, along prescribed directions, and
+    along the tangents of points that stick to a foundation; collective.
     """
     along = model.vector(change)
     along.getArray()[: model.fixed.size][~model.fixed] = 0.0
@@ -639,7 +659,9 @@ def _held_change(model: Model, new: State, change: Array) -> Array:
 
 
 def _with_masses(model: Model, factor: float) -> Model:
-    """Return a body whose rigid ones have springs of a factor times their masses."""
+    """Return a model whose rigid bodies have additional springs with the stiffness of a factor
+    times their masses.
+    """
     rigid = model.rigid
     boundary = model.boundary
     if not rigid.bodies or boundary is None or boundary.moving is None:

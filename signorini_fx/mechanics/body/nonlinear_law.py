@@ -1,5 +1,5 @@
-"""The work of the stress of nonlinear materials on a mesh: the residual of a body, and the state at
-its points.
+"""The residual of a body of nonlinear materials, and the internal variables at its quadrature
+points.
 
 Springs of a boundary are part of it: their forces follow the displacement, along the normal of the
 undeformed boundary.
@@ -7,10 +7,12 @@ undeformed boundary.
     F(u; v) = sum over the materials of the derivative of their energies, or of the integral of
     sigma : epsilon(v).
 
-The mean stress, of finite strains the energy of the volume, may be integrated with fewer points.  A
-temperature by which the body expands freely by s in all directions leaves of the deformation F = (1
-+ s) F_e the elastic part, whose energy is per volume after the expansion, (1 + s)^3 W(F_e), and of
-  small strains epsilon - s I.
+The volumetric part (the mean stress, or for finite strains the energy of the volume) may be
+integrated with fewer points.
+
+A temperature by which the body expands freely by s in all directions splits the deformation
+gradient into F = (1 + s) F_e.  The energy per undeformed volume is (1 + s)^3 W(F_e); for small
+strains the elastic strain is epsilon - s I.
 """
 
 from __future__ import annotations
@@ -47,8 +49,8 @@ if TYPE_CHECKING:
 
 
 def at_rest(statement: Statement) -> Statement:
-    """Return the statement with materials of small strains, and without loads that follow
-    the body.
+    """Return the statement with the small-strain limits of its materials, and without follower
+    loads.
     """
     return without_followers(statement).changed(
         material=tuple(material.at_rest for material in statement.material)
@@ -56,8 +58,10 @@ def at_rest(statement: Statement) -> Statement:
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
-    """Quadrature degree of the part of the volume, or None if it is not reduced; a ``SceneError``
-    where it cannot be.
+    """Return the quadrature degree of the volumetric part; None if it is integrated like the rest.
+
+    Raises:
+        SceneError: the mesh does not allow reduced integration.
     """
     if not all(material.splits for material in statement.material):
         return None
@@ -66,7 +70,7 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
 
 
 def cells_of(material: Material, tagged: TaggedMesh) -> Indices:
-    """Return the cells of a material that this rank owns, ascending."""
+    """Return the local numbers of the cells of a material that this rank owns, ascending."""
     cells = tagged.cells(material.region)
     return np.sort(
         cells[cells < tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local]
@@ -75,27 +79,27 @@ def cells_of(material: Material, tagged: TaggedMesh) -> Indices:
 
 @dataclass
 class MaterialPoints:
-    """The state of one material at the q points of quadrature of each of its c cells."""
+    """The internal variables of one material at the q quadrature points of each of its c cells."""
 
     material: PathDependent
     cells: Indices
-    # From the displacement of now, less that of the temperature: components ``PAIRS``, of shear
-    # twice epsilon_ij, of finite strains those of grad u.
+    # The current strain without its thermal part: components ``PAIRS``, shear as 2 epsilon_ij; for
+    # finite strains all components of grad u.
     strain: fem.Expression
-    stress: fem.Function  # that of ``response``, the components that do work
-    tangent: fem.Function  # its derivative by the strain
-    pairs: list[int]  # these components, as places in ``of``
-    of: list[tuple[int, int]]  # those of ``strain``
-    begun: Array  # the state at the end of the last load step, shape (c, q, numbers)
-    current: Array = field(init=False)  # the state at the displacement of now
-    time: float = 1.0  # at which the load step ends
+    stress: fem.Function  # the components of the stress that do work
+    tangent: fem.Function  # the derivative of these by the same components of the strain
+    pairs: list[int]  # positions of these components in ``of``
+    of: list[tuple[int, int]]  # the index pairs of the components of ``strain``
+    begun: Array  # internal variables at the end of the last load step, shape (c, q, numbers)
+    current: Array = field(init=False)  # internal variables at the current displacement
+    time: float = 1.0  # the end of the load step
 
     def __post_init__(self) -> None:
         self.current = self.begun
 
     def update(self) -> None:
-        """Stress, tangent and state at the displacement of now, from the state of the last load
-        step.
+        """Evaluate stress, tangent and internal variables at the current displacement, starting
+        from the end of the last load step.
         """
         stress, tangent, state = self.response()
         self.current = state.reshape(self.begun.shape)
@@ -107,12 +111,14 @@ class MaterialPoints:
         self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
 
     def components(self, measured: Expr) -> Expr:
-        """Return the components that do work of a strain, or of grad u, UFL."""
+        """Return the components of a strain, or of grad u, that do work, as a UFL vector."""
         return _components(self.material, measured, [self.of[pair] for pair in self.pairs])
 
     def response(self) -> tuple[Array, Array, Array]:
-        """Return what the material says at the displacement of now, see ``PathDependent.respond``,
-        of finite strains ``respond_by_change``, n = c q.
+        """Return stress, tangent and internal variables at the current displacement, at n = c q
+        points.
+
+        See ``PathDependent.respond``, for finite strains ``respond_by_change``.
         """
         material = self.material.at_time(self.time)
         state = self.begun.reshape(-1, self.begun.shape[-1])
@@ -122,13 +128,13 @@ class MaterialPoints:
         return material.respond(tensors(values / [1, 1, 1, 2, 2, 2], PAIRS), state)
 
     def _strain(self) -> Array:
-        """Return the strain of now, shape (n, components)."""
+        """Return the current strain, for finite strains grad u, shape (n, components)."""
         values = self.strain.eval(self.stress.function_space.mesh, self.cells)
         return np.asarray(values).reshape(-1, len(self.of))
 
     def cauchy_stress(self) -> Array:
-        """Return the Cauchy stress at the displacement of now, without the part of the volume,
-        shape (c, q, 3, 3).
+        """Return the Cauchy stress at the current displacement without its volumetric part, shape
+        (c, q, 3, 3).
         """
         stress = self.response()[0]
         if self.material.finite:
@@ -138,44 +144,42 @@ class MaterialPoints:
         return stress.reshape(*self.begun.shape[:2], 3, 3)
 
     def commit(self) -> None:
-        """A load step ends."""
+        """Accept the current internal variables as those at the end of the load step."""
         self.begun = self.current
 
 
 @dataclass(frozen=True)
 class BodyResidual:
-    """The work of the stress of a body."""
+    """The virtual work of the internal forces of a body, and of loads that follow it."""
 
     form: ufl.Form  # F(u; .), UFL
-    tangent: ufl.Form | None  # its derivative where that is not the one of UFL; None: it is
-    points: tuple[MaterialPoints, ...]  # of the materials with a state
+    tangent: ufl.Form | None  # its derivative where UFL cannot derive it; None: UFL can
+    points: tuple[MaterialPoints, ...]  # of the materials with internal variables
     followers: Followers  # the loads that follow the body
-    free: Expr | None  # its free expansion, UFL; None: there is none
-    heat: Callable[[float], None]  # takes the free expansion to a place in the lists of factors
-    path: LoadPath  # whose times the materials go through
+    free: Expr | None  # the free thermal expansion s, UFL; None: there is none
+    heat: Callable[[float], None]  # sets the free expansion to a place in the lists of factors
+    path: LoadPath  # gives the time of each place
 
     def move_to(self, step: float) -> None:
-        """Take the loads that follow the body, the temperature and the time of a place in the lists
-        of factors.
-        """
+        """Set follower loads, temperature and time to a place in the lists of factors."""
         self.followers.move_to(step)
         self.heat(step)
         for state in self.points:
             state.time = self.path.time_at(step)
 
     def update(self) -> None:
-        """Before anything is assembled at another displacement."""
+        """Evaluate the materials; call it before anything is assembled at a new displacement."""
         for state in self.points:
             state.update()
 
     def commit(self) -> None:
-        """A load step ends."""
+        """Accept the internal variables of all materials as those at the end of the load step."""
         for state in self.points:
             state.commit()
 
     def remembered(self) -> dict[str, Array]:
-        """Return what materials remember of the last load step, zero in cells of others, shape
-        (cells, q, numbers), by name.
+        """Return the internal variables at the end of the last load step by name, shape (cells, q,
+        numbers), zero in cells of other materials.
         """
         if not self.points:
             return {}
@@ -188,7 +192,7 @@ class BodyResidual:
         return values
 
     def recall(self, fields: Mapping[str, Field]) -> None:
-        """Begin a load step with what a state remembers, see ``remembered``.
+        """Start a load step from internal variables that a state holds, see ``remembered``.
 
         Raises:
             SceneError: it is the state of another material.
@@ -199,16 +203,18 @@ class BodyResidual:
 
 
 def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> BodyResidual:
-    """Return the residual of the materials of a statement at the displacement ``u``; errors: see
-    ``volume_degree``; collective.
+    """Return the residual of the materials of a statement at the displacement ``u``; collective.
+
+    Raises:
+        SceneError: see ``volume_degree``.
     """
     space = u.function_space
     kinematics = statement.kinematics_in(tagged.dimension)
     full = max(1, strain_degree(space, kinematics))
     reduced = volume_degree(statement, tagged)
     cells = [cells_of(material, tagged) for material in statement.material]
-    # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one
-    # wrongly.
+    # Each quadrature rule has its own subdomain number: FFCx 0.9 compiles a one-point rule next to
+    # another rule on the same subdomain wrongly.
     owned_cells = np.arange(
         tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32
     )
@@ -234,7 +240,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
             by_components, tried = (
                 state.components(_measured(material, kinematics, one)) for one in (v, du)
             )
-            # Of finite strains per undeformed area, before the expansion.
+            # Finite strains: convert to stress per undeformed area before the free expansion.
             expanded = 1 + free if material.finite and free is not None else 1
             work = ufl.inner(state.stress, by_components) * expanded**2
             forms.append(work * around * shape)
@@ -270,14 +276,18 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         part = ds(number, metadata={"quadrature_degree": effect.degree(statement.element.degree)})
         forms.append(ufl.inner(effect.reaction(u, on), v) * around * part)
     form = sum(forms[1:], forms[0])
-    tangent = sum(of_states, ufl.derivative(form, u, du)) if points else None  # UFL knows no state
+    tangent = sum(of_states, ufl.derivative(form, u, du)) if points else None  # UFL cannot
     return BodyResidual(form, tangent, tuple(points), followers, free, heat, statement.path)
 
 
 def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Expr, Expr]:
-    """Grad u of the shape and of the volume, each at the points of its rule, UFL, shape (3, 3).
+    """Return grad u for the isochoric and for the volumetric part, each at the points of its rule,
+    UFL, shape (3, 3).
 
-    ``reduced``: see ``volume_degree``.
+    Args:
+        u: the displacement.
+        kinematics: of the body.
+        reduced: degree of the volumetric rule, see ``volume_degree``.
     """
     gradient = kinematics.gradient(u)
     return gradient, kinematics.mean_gradient(u) if reduced == 1 else gradient
@@ -286,10 +296,15 @@ def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Exp
 def stress_parts(
     material: Hyperelastic | PathDependent, gradients_of_u: tuple[Expr, Expr], free: Expr | None
 ) -> list[Expr | None]:
-    """Return the Cauchy stress in 3D of the shape, and of the volume, at small strains the stress,
-    UFL, shape (3, 3); None if it is zero, or that of a state.
+    """Return the isochoric and the volumetric part of the Cauchy stress, for small strains of the
+    stress, UFL, shape (3, 3).
 
-    ``free``: see ``BodyResidual``.
+    A part is None if it is zero or comes from internal variables.
+
+    Args:
+        material: the material.
+        gradients_of_u: see ``gradients``.
+        free: the free thermal expansion, see ``BodyResidual``.
     """
     unit = ufl.Identity(3)
     if not material.finite:
@@ -307,17 +322,17 @@ def stress_parts(
 
 
 def _elastic(strain: Expr, free: Expr | None) -> Expr:
-    """Return a small strain without the free one, UFL."""
+    """Return a small strain minus the free thermal strain, UFL."""
     return strain if free is None else strain - free * ufl.Identity(3)
 
 
 def _measured(material: NonlinearMaterial, kinematics: Kinematics, u: Expr) -> Expr:
-    """Grad u of finite strains, else the strain, UFL."""
+    """Return grad u if the material has finite strains, else the strain, UFL."""
     return kinematics.gradient(u) if material.finite else kinematics.strain(u)
 
 
 def _components(material: NonlinearMaterial, measured: Expr, pairs: list[tuple[int, int]]) -> Expr:
-    """Return the components of ``_measured``, UFL."""
+    """Return components of the strain measure of ``_measured`` as a UFL vector."""
     if material.finite:
         return ufl.as_vector([measured[pair] for pair in pairs])
     return components(measured, pairs)
@@ -326,8 +341,15 @@ def _components(material: NonlinearMaterial, measured: Expr, pairs: list[tuple[i
 def _energies(
     material: Hyperelastic | PathDependent, changes: Sequence[Expr], free: Expr | None
 ) -> list[Expr | None]:
-    """Return the energy of the shape, and that of the volume, per undeformed volume, each from its
-    grad u, UFL; None if it is that of a state, or not apart.
+    """Return the isochoric and the volumetric energy per undeformed volume, UFL.
+
+    An energy is None if the material has internal variables (isochoric part), or if it does not
+    split its energy (volumetric part).
+
+    Args:
+        material: the material.
+        changes: grad u for each of the two parts.
+        free: the free thermal expansion, see ``BodyResidual``.
     """
     expanded = 1
     if free is not None:
@@ -349,9 +371,15 @@ def _points(
     free: Expr | None,
     degree: int,
 ) -> MaterialPoints:
-    """Return the points of one material; collective.
+    """Return the quadrature points of one material with zero internal variables; collective.
 
-    ``free``: see ``BodyResidual``.
+    Args:
+        material: the material.
+        cells: its cells on this rank.
+        kinematics: of the body.
+        u: the displacement.
+        free: the free thermal expansion, see ``BodyResidual``.
+        degree: of the quadrature rule.
     """
     mesh = u.function_space.mesh
     name = mesh.topology.cell_name()

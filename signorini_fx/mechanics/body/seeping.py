@@ -1,9 +1,10 @@
-"""Fluids that seep into contact as it opens, from load step to load step.
+"""Fluids that enter contact as it opens, from load step to load step.
 
-Their pressure acts on both sides at points that are open and connected, by facets between open
-points, with the side that they come from.  A step begins with the points of the one before; what
-has closed is left first, and then, solution by solution, what opens is added: a fluid only goes
-further within a step, which ends therefore.  Of several equilibria it is that with the least fluid.
+Their pressure acts on both sides at contact points that are open and connected, over facets between
+open points, with the boundary that the fluid comes from.  A step starts with the wet points of the
+previous one.  Its first repetition drops those that have closed; later ones only add points that
+open, so that a step ends after finitely many repetitions.  If there are several equilibria the one
+with the least fluid is found.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from signorini_fx.records import Finding, Status
 
 @dataclass(frozen=True)
 class SeepingFluids(StepEffect):
-    """The fluids of contacts, by the numbers of these.
+    """The fluids in contacts, by the numbers of the contacts.
 
-    Fields of the state: ``wet``, which points a fluid reaches, zero or one; ``wetted``, the step in
-    which they were last found.
+    Fields of the state: ``wet``, 1 at points that a fluid reaches, else 0; ``wetted``, the number
+    of the step in which they were last determined.
     """
 
     parts: Mapping[int, Seeping]
@@ -87,8 +88,8 @@ class SeepingFluids(StepEffect):
         return forces
 
     def _pressure(self, boundary: ContactBoundary, time: float) -> Array:
-        """Return the pressure that a fluid has at each point that it reaches, stress, shape
-        (n,).
+        """Return the pressure of the fluid at each point, whether it reaches the point or not,
+        stress, shape (n,).
         """
         pressure = np.zeros(boundary.size)
         for number, part in self.parts.items():
@@ -107,10 +108,11 @@ class SeepingFluids(StepEffect):
         return iter(())
 
     def _at_side(self, model: Model, boundary: ContactBoundary) -> Flags:
-        """Return which points are on the side of their fluid, shape (n,); collective.
+        """Return which points are on the boundary that their fluid comes from, shape (n,);
+        collective.
 
         Raises:
-            SceneError: a contact has none.
+            SceneError: a contact has no such point.
         """
         tagged = model.tagged
         at_side = np.zeros(boundary.size, dtype=bool)
@@ -126,8 +128,8 @@ class SeepingFluids(StepEffect):
         return at_side
 
     def _reached(self, ended: StepEnd) -> Flags:
-        """Return which points are open and connected with the side of their fluid, shape (n,);
-        collective.
+        """Return which points are open and connected, over open points, with the boundary that
+        their fluid comes from, shape (n,); collective.
         """
         contact = ended.contact
         assert contact is not None
@@ -192,7 +194,7 @@ class SeepingFluids(StepEffect):
         return {"wet": new.fields["wet"].values}
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
-        """Return the area that fluids reach, and the sum of their pressure over it."""
+        """Return the area that fluids reach, and the integral of their pressure over it."""
         if ended.contact is None:
             return {}
         boundary = ended.contact.boundary
@@ -207,6 +209,6 @@ class SeepingFluids(StepEffect):
 
 
 def _wet(boundary: ContactBoundary, state: State) -> Flags:
-    """Return which points a fluid reaches in a step from a state, shape (n,)."""
+    """Return which points a fluid reaches in a step that starts from this state, shape (n,)."""
     wet = state.fields.get("wet")
     return np.zeros(boundary.size, dtype=bool) if wet is None else wet.values.ravel() > 0

@@ -1,10 +1,11 @@
 """Wear of contact points, from load step to load step.
 
-Archard's law with the pressure of the end of the step, h' = h + k lambda' ds in the gap d + h',
-makes it a soft contact of stiffness 1 / (1 / gamma_1 + k ds): one contact problem, symmetric, and
-stable for any slip ds.  With the pressure of its beginning it is stable only for k ds below about
-2.2 h / E*, h the length of cells, and alternates between nothing and many times the pressure
-beyond.  Where the slip is that of the contact itself, the step is solved again with the slip found.
+Archard's law with the pressure at the end of the step, h' = h + k lambda' ds in the gap d + h',
+makes contact soft with the stiffness 1 / (1 / gamma_1 + k ds).  The contact problem stays symmetric
+and is stable for any slip ds.  With the pressure at the beginning of the step it would be stable
+only for k ds below about 2.2 h / E*, with h here the length of cells; beyond, the pressure
+alternates between zero and many times its value.  Where the slip is that of the contact itself, the
+step is solved again with the slip found.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ from signorini_fx.mechanics.step_effect import StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding, Status
 
 _EXPLICIT = 2.2  # k ds E / h below which an explicit rule is stable
-_SETTLED = 1e-9  # of the deepest wear of a step: by how much its slip may change it
-_MOST_DEPTH = 0.5  # of a cell: deeper its geometry is another one
+_SETTLED = 1e-9  # change of wear by the slip found, relative to the deepest wear of the step
+_MOST_DEPTH = 0.5  # wear over height of the cell; beyond it the geometry of the mesh is wrong
 
 
 @dataclass(frozen=True)
 class Wear(StepEffect):
-    """The wear of contacts, by their numbers.
+    """The wear of contacts, by the numbers of the contacts.
 
-    Fields of the state at contact points: ``wear``, its depth, length; ``dissipated``, the energy
-    of friction so far, per area; ``sliding``, where slip is that of the contact, the slip of the
-    last step, length.
+    Fields of the state at contact points: ``wear``, its depth, length; ``dissipated``, the friction
+    energy so far, per area; ``sliding``, the slip of the last step where that determines the wear,
+    length.
     """
 
     parts: Mapping[int, Archard]
@@ -86,8 +87,10 @@ class Wear(StepEffect):
         return again if unsettled > _SETTLED else None
 
     def _again(self, state: State, new: State, ended: StepEnd) -> tuple[State, float]:
-        """Return the state with the slip that the contact has in a step, where it decides how much
-        is worn, and by which share of the deepest wear of the step that changes it; collective.
+        """Return the state with the slip found in a step, and the change of wear that it causes,
+        relative to the deepest wear of the step; collective.
+
+        Only contacts whose wear depends on their own slip count; without any the change is zero.
         """
         own = [number for number, part in self.parts.items() if part.distance is None]
         contact = ended.contact
@@ -163,11 +166,11 @@ class Wear(StepEffect):
                 text = f"a step wears {ratio:.3g} times what an explicit rule could: it is implicit"
                 yield Finding("note", where, text)
             if len(model.contacts) > 1:
-                continue  # which share of the loads it bears is not known
+                continue  # the share of the loads that it bears is unknown
             loads = model.loads_at(len(path.times) - 1.0).forces.reshape(-1, model.dimension)
             force = parallel.global_sum(comm, loads.sum(axis=0))
             if model.kinematics.zero_on_axis:
-                force = force[1:2]  # radial ones cancel each other
+                force = force[1:2]  # radial forces cancel each other
             area = float(parallel.global_sum(comm, boundary.weight.sum()))
             deep = parallel.largest(comm, total[on] / height) * np.linalg.norm(force) / area
             if deep > _MOST_DEPTH:
@@ -202,8 +205,9 @@ class Wear(StepEffect):
             yield Finding("note", f"contact[{number}].wear", text)
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
-        """Return the largest depth, the volume, energy and slip, and by how much of its growth the
-        gaps that closed differ from k times force times slip.
+        """Return the largest depth, worn volume, friction energy and largest slip, and the relative
+        error of the wear of the step: the gap that has closed compared with k times force times
+        slip.
         """
         contact = ended.contact
         if contact is None:
@@ -233,7 +237,8 @@ class Wear(StepEffect):
 
 
 def _check(boundary: ContactBoundary, values: Array, path: str, wrong: str) -> None:
-    """Refuse values at contact points of this rank that are negative or no numbers; collective.
+    """Raise an error on all ranks if values at contact points are negative or not finite;
+    collective.
 
     Raises:
         SceneError: there are such values on some rank.
@@ -246,14 +251,12 @@ def _check(boundary: ContactBoundary, values: Array, path: str, wrong: str) -> N
 
 
 def _with_slip(state: State, slip: Array) -> State:
-    """Return a state with the slip of the contact points, which that before the first step has,
-    too.
-    """
+    """Return a state whose field ``sliding`` is this slip of the contact points."""
     return replace(state, fields={**state.fields, "sliding": Field("points", slip)})
 
 
 def _heights(boundary: ContactBoundary, number: int) -> Array:
-    """Return the heights of the cells at the points of a contact, length, shape (its points,);
+    """Return the heights of the cells at the points of one contact, length, shape (its points,);
     collective.
     """
     space, facets = next(each[:2] for each in boundary.surface if each[2] == number)
