@@ -1,14 +1,15 @@
 """How contact points average the displacement around them.
 
-Most take that of their node.  On quadratic triangles, whose functions of the vertices integrate to
-zero, the contact points are the vertices alone.  With functions psi_i on the facets around them
-w_i = (psi_i, 1) is the weight of a point, y_i = (psi_i, y) / w_i the displacement that contact sees
-there, and (psi_i, d) / w_i the gap.
+Most points take the displacement of their node.  On the faces of quadratic tetrahedra the functions
+of the vertices integrate to zero; there the contact points are the vertices alone.  With functions
+psi_i on the facets around it, a point has the weight w_i = (psi_i, 1), the displacement y_i =
+(psi_i, y) / w_i, and the gap (psi_i, d) / w_i.
 
-The psi_i are the dual functions of the linear hat functions, see ``pairs.dual_functions``.  A point
-hardly feels the tractions of those beside it, so that pressures do not alternate and active sets
-settle fast.  But of a round gap with the radius R an average is h^2 / (8 R) below the value at the
-vertex: the body would be pressed before it touches.  There they are the hat functions themselves.
+The psi_i are the dual functions of the linear hat functions, see ``pairs.dual_functions``.  They
+decouple neighbouring points almost fully, so that pressures do not oscillate and active sets
+converge fast.  But the average of a round gap of radius R is h^2 / (8 R) below its value at the
+vertex: the body would be pressed before it touches.  For such gaps the psi_i are the hat functions
+themselves.
 """
 
 from __future__ import annotations
@@ -28,30 +29,32 @@ from signorini_fx.tuned import NEGLIGIBLE
 
 @dataclass(frozen=True)
 class Averages:
-    """How n contact points of this rank average over m nodes, which other ranks may own."""
+    """The averages over m nodes, which may belong to other ranks, at n contact points of
+    this rank.
+    """
 
-    shares: sp.csr_array  # share of each node in each point, rows with the sum one, shape (n, m)
-    nodes: Ints  # global numbers, shape (m,); a node of two contact boundaries is there twice
+    shares: sp.csr_array  # weight of each node in each point, rows have the sum 1, shape (n, m)
+    nodes: Ints  # global numbers, shape (m,); a node of two contact boundaries occurs twice
     x: Array  # positions of the nodes, length, shape (m, d)
     fixed: Flags  # which displacement components are prescribed at the nodes, shape (m, d)
-    # Where the force of each point acts on the body of its node, length, shape (n, d); None: at the
-    # average.
+    # Position where the force of each point acts on the body of its node, length, shape (n, d);
+    # None: the average of the positions of the nodes.
     centre: Array | None = None
-    # Displacements of some nodes along one direction that move the points of two bodies by one, (m,
-    # n); None: unknown.
+    # Nodal displacements along one direction that give each point of two bodies a unit relative
+    # displacement, shape (m, n); None: unknown.
     lift: sp.csr_array | None = None
-    # ``operator`` between two bodies, shape (n d, m d); None: it is that of ``shares``.
+    # ``operator`` for pairs of bodies, shape (n d, m d); None: it follows from ``shares``.
     between: sp.csr_array | None = None
 
     @classmethod
     def at_nodes(cls, nodes: Ints, x: Array, fixed: Flags) -> Averages:
-        """Return the averages of points that have the displacement of their nodes."""
+        """Return the averages of points that each take the displacement of one node."""
         itself = sp.eye_array(nodes.size, format="csr")
         return cls(itself, nodes, x, fixed, lift=itself)
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
-        """Return the averages of several contact boundaries."""
+        """Return the averages of several contact boundaries as one."""
         if len(parts) == 1:
             return parts[0]
         shares = sp.block_diag([part.shares for part in parts], format="csr")
@@ -72,37 +75,42 @@ class Averages:
 
     @property
     def paired(self) -> bool:
-        """Whether points are those of two bodies, which turn relative to each other."""
+        """Whether points belong to two bodies, which rotate relative to each other."""
         return self.between is not None
 
     @property
     def arm(self) -> Array:
-        """Return the vector from each node to the point where the force acts on its body, length,
-        shape (n, d).
+        """The point where the force of each contact point acts on its body, length, shape
+        (n, d).
         """
         return (self.shares @ self.x) if self.centre is None else self.centre
 
     @cached_property
     def point(self) -> Ints:
-        """The point of each entry of ``shares``."""
+        """The row, and so the contact point, of each stored entry of ``shares``."""
         return np.repeat(np.arange(self.shares.shape[0]), np.diff(self.shares.indptr))
 
     @cached_property
     def operator(self) -> sp.csr_array:
-        """Return the matrix from displacements of nodes to those of the points, in the axes of
-        space, shape (n d, m d).
+        """The matrix from displacements of the nodes to those of the points, both along the
+        coordinate axes, shape (n d, m d).
         """
         if self.between is not None:
             return self.between
         return sp.csr_array(sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr"))
 
     def of_gap(self, vertices: Array, values: Array) -> Array:
-        """Return the gap of the points, length, shape (n,): averages of ``values`` at the nodes.
+        """Return the gap of the points, length, shape (n,).
 
-        Where the gap jumps or bends between nodes an average means nothing, and may lie below all
-        values, or above.  There it is that of ``vertices``, shape (n,): where the average differs
-        from it by no more than what the values differ, notably, from the quadratic function of two
-        coordinates that fits best may change it.
+        It is the average of ``values``, except where the gap jumps or has kinks between nodes, as
+        an average may lie outside all values there.  A gap counts as kinked if the best quadratic
+        function of two coordinates leaves a notable part of its variation.  If the average then
+        differs from the value at the vertex by no more than this remainder can explain, the value
+        at the vertex is taken.
+
+        Args:
+            vertices: gap at the points, length, shape (n,).
+            values: gap at the nodes, length, shape (m,).
         """
         gap = self.shares @ values
         for point in range(gap.size):
@@ -121,12 +129,14 @@ class Averages:
         return gap
 
     def any_of(self, flags: Flags) -> Flags:
-        """Return whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""
+        """Return whether any node of a point has a flag, shape (n, k), from flags of shape
+        (m, k).
+        """
         return abs(self.shares) @ flags.astype(np.float64) > 0
 
 
 def averaging(space: fem.FunctionSpace) -> bool:
-    """Return whether the contact points of displacements in a space average: on quadratic
+    """Return whether contact points of displacements in this space average: only on quadratic
     tetrahedra.
     """
     return (
@@ -135,8 +145,12 @@ def averaging(space: fem.FunctionSpace) -> bool:
 
 
 def from_owners(owned_rows: Array, nodes: Integers, comm: MPI.Comm) -> Array:
-    """Return rows of ``owned_rows``, which has one per owned node, for global numbers of nodes;
-    collective.
+    """Return the rows of ``owned_rows`` for global node numbers; collective.
+
+    Args:
+        owned_rows: one row per owned node of each rank.
+        nodes: global numbers.
+        comm: the ranks.
     """
     if comm.size == 1:
         return np.array(owned_rows[nodes], dtype=np.float64)
@@ -149,8 +163,14 @@ def from_owners(owned_rows: Array, nodes: Integers, comm: MPI.Comm) -> Array:
 
 
 def to_owners(values: Array, nodes: Integers, comm: MPI.Comm, owned: int) -> Array:
-    """Return sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape
-    (owned, k); collective.
+    """Return rows summed over all ranks by global node number, at the owned nodes, shape (owned,
+    k); collective.
+
+    Args:
+        values: rows to add, shape (m, k).
+        nodes: their global node numbers, shape (m,).
+        comm: the ranks.
+        owned: number of nodes that this rank owns.
     """
     width = values.shape[1]
     sums = PETSc.Vec().createMPI((owned * width, None), bsize=width, comm=comm)

@@ -1,5 +1,5 @@
-"""Tools for all forms: positions of nodes, facets as integration entities, measures, quadrature,
-assembled vectors.
+"""Functions for all forms: positions of nodes, integration entities of facets, measures, quadrature
+degrees, assembled vectors.
 """
 
 from __future__ import annotations
@@ -19,19 +19,21 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.tuned import ROOT_OF_EPS
 
-# Sums in another order can be computed two at a time, in 3D in half of the time; the difference is
-# round-off.
+# Let compilers reorder sums and so vectorise them: in 3D this halves the time, and the results differ
+# by round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
 
-# Where a function space keeps the positions of its nodes.
+# The attribute of a function space that caches the positions of its nodes.
 _ATTRIBUTE = "_signorini_fx_node_positions"
 _Owner = TypeVar("_Owner")
 _Computed = TypeVar("_Computed")
 
 
 def node_positions(space: fem.FunctionSpace) -> Array:
-    """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only; kept with
-    the space, as dolfinx passes over all cells at every call.
+    """Return the coordinates of the nodes of this rank, ghosts included, length, shape (nodes, 3),
+    read-only.
+
+    They are cached, because dolfinx loops over all cells at every call.
     """
     positions: Array | None = getattr(space, _ATTRIBUTE, None)
     if positions is None:
@@ -42,19 +44,26 @@ def node_positions(space: fem.FunctionSpace) -> Array:
 
 
 def forget_positions(space: fem.FunctionSpace) -> None:
-    """The coordinates of its mesh have changed."""
+    """Drop the cached node positions of a space, after the coordinates of its mesh have changed."""
     setattr(space, _ATTRIBUTE, None)
 
 
 def compile_form(term: ufl.Form) -> fem.Form:
-    """Return a form, compiled, or a ``MachineError``; collective."""
+    """Return the compiled form; collective.
+
+    Raises:
+        MachineError: it cannot be compiled.
+    """
     with compiling():
         return fem.form(term)
 
 
 def stiffness_form(term: ufl.Form, dimension: int) -> fem.Form:
-    """Return a bilinear form on cells of this dimension, compiled for speed, see ``compile_form``;
-    collective.
+    """Return a compiled bilinear form on cells of this dimension, in 3D with faster compiler
+    options; collective.
+
+    Raises:
+        MachineError: it cannot be compiled.
     """
     if dimension < 3:
         return compile_form(term)
@@ -69,7 +78,9 @@ def facet_cells(mesh: dmesh.Mesh, facets: Indices) -> Indices:
 
 
 def facet_entities(mesh: dmesh.Mesh, facets: Indices) -> Indices:
-    """(cell, facet of the cell) of exterior facets, shape (facets, 2)."""
+    """Return pairs (cell, local number of the facet in this cell) of exterior facets, shape
+    (facets, 2).
+    """
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
@@ -85,8 +96,9 @@ def facet_entities(mesh: dmesh.Mesh, facets: Indices) -> Indices:
 
 
 def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
-    """Return the heights of the cells above exterior facets, twice the way from the middle of one
-    to that of the other, length, shape (facets,).
+    """Return the heights of the cells above exterior facets, length, shape (facets,).
+
+    A height is twice the distance between the midpoints of facet and cell.
     """
     dim = mesh.topology.dim
     cells = facet_cells(mesh, facets)
@@ -95,8 +107,8 @@ def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
 
 
 def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
-    """Return the mean of ``heights`` around each node of this rank, of facets of all ranks, length,
-    shape (nodes,); nan elsewhere; collective.
+    """Return the mean of ``heights`` of the facets around each node of this rank, length, shape
+    (nodes,); nan at other nodes; collective.
     """
     nodes = facet_nodes(space, facets)
     each = np.repeat(heights(space.mesh, facets), nodes.shape[1])
@@ -109,7 +121,7 @@ def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
 
 
 def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
-    """Return the vertices of each facet, m of them, shape (facets, m, 3)."""
+    """Return the coordinates of the m vertices of each facet, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
         kind = getattr(basix.CellType, mesh.topology.cell_name())
         return np.empty((0, len(basix.topology(kind)[mesh.topology.dim - 1][0]), 3))
@@ -119,8 +131,10 @@ def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
 
 
 def facet_nodes(space: fem.FunctionSpace, facets: Indices) -> Indices:
-    """Return the nodes of exterior facets, all with as many, local numbers in the order of basix,
-    shape (facets, nodes).
+    """Return the local numbers of the nodes of exterior facets in the order of basix, shape
+    (facets, nodes).
+
+    All facets must have the same number of nodes.
     """
     layout = space.dofmap.dof_layout
     kind = getattr(basix.CellType, space.mesh.topology.cell_name())
@@ -133,8 +147,8 @@ def facet_nodes(space: fem.FunctionSpace, facets: Indices) -> Indices:
 
 
 def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
-    """Return which nodes of this rank, ghosts included, any rank has named, shape (nodes,);
-    collective.
+    """Return which nodes of this rank, ghosts included, are in ``nodes`` on any rank, shape
+    (nodes,); collective.
     """
     mark = la.vector(space.dofmap.index_map, 1, dtype=np.int32)
     mark.array[nodes] = 1
@@ -146,8 +160,9 @@ def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
 def measure(
     mesh: dmesh.Mesh, parts: Sequence[Indices], metadata: Mapping[str, str | int]
 ) -> ufl.Measure:
-    """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled
-    once.
+    """Return the surface measure over lists of facets, with subdomain numbers from 1.
+
+    The same numbers on every mesh let forms be compiled once.
     """
     data = [
         (number, facet_entities(mesh, facets).ravel())
@@ -157,14 +172,18 @@ def measure(
 
 
 def assemble(form: fem.Form) -> Array:
-    """Return a linear form, summed over the ranks, shape (owned dofs,); collective."""
+    """Return a compiled linear form as a vector, summed over the ranks, shape (owned dofs,);
+    collective.
+    """
     return _summed(fem.assemble_vector(form))
 
 
 def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: Indices) -> Array:
-    """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): dolfinx
-    lifts prescribed values by assembling the same form cell by cell, so that no further form is
-    compiled.
+    """Return a(function, .) with the values of ``function`` at the nodes ``blocks`` only, shape
+    (owned dofs,); collective.
+
+    dolfinx lifts prescribed values by assembling the same bilinear form cell by cell, so that no
+    further form is compiled.
     """
     result = fem.Function(function.function_space)
     for form in elastic:
@@ -173,9 +192,9 @@ def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: Indice
 
 
 def _summed(vector: la.Vector) -> Array:
-    """Return the owned entries of a vector, to which the other ranks add theirs; collective.
+    """Return the owned entries of a vector after adding the contributions of all ranks; collective.
 
-    No vector of PETSc is made of it: dolfinx destroys such vectors when the garbage collector finds
+    No PETSc vector is made from it: dolfinx destroys such vectors when the garbage collector finds
     them, at another time on each rank, and one rank would wait in the duplication of a communicator
     that the others do not need.
     """
@@ -202,16 +221,21 @@ class _Shared(Generic[_Owner, _Computed]):
 def shared_in(
     holder: str,
 ) -> Callable[[Callable[[_Owner], _Computed]], _Shared[_Owner, _Computed]]:
-    """Make a method a property whose value is computed once and kept in the dictionary ``holder``
-    of its object, which ``dataclasses.replace`` passes on; a copy with other data is given an empty
-    one.
+    """Return a decorator that makes a method a property, computed once and cached in a dictionary
+    of its object.
+
+    ``dataclasses.replace`` passes the dictionary on, so that copies share the value; a copy with
+    other data must be given an empty dictionary.
+
+    Args:
+        holder: name of the attribute with the dictionary.
     """
     return lambda compute: _Shared(holder, compute)
 
 
 def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tuple[Flags, Array]:
-    """Return which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the
-    last condition applies.
+    """Return which dofs of this rank are prescribed, and their values, zero elsewhere, both of
+    shape (dofs,); the last condition wins.
     """
     index_map = space.dofmap.index_map
     block = space.dofmap.index_map_bs
@@ -224,10 +248,12 @@ def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tupl
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
-    """Quadrature degree of a(., .) for displacements in ``space``: that of epsilon(y) : epsilon(z)
-    times the Jacobian's determinant on simplices and along each axis of parallelepipeds; on other
-    quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
-    polynomials in it, as UFL estimates in 2D; collective.
+    """Return the quadrature degree of a(., .) for displacements in ``space``; collective.
+
+    On simplices, and along each axis of parallelepipeds, it is exact for epsilon(y) : epsilon(z)
+    times the determinant of the Jacobian.  On other quadrilaterals and hexahedra the integrand is
+    rational; there it is the degree of the product of all polynomials in it, as UFL estimates in
+    2D.
     """
     mesh = space.mesh
     degree = space.element.basix_element.degree
@@ -258,7 +284,11 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
 
 
 def lumped_degree(degree: int, geometry: int) -> int:
-    """Quadrature degree that integrates a basis function of ``degree`` times the normal of a
-    surface exactly.
+    """Return the quadrature degree that integrates a basis function times the normal of a surface
+    exactly.
+
+    Args:
+        degree: of the basis function.
+        geometry: degree of the cells.
     """
     return 2 * (degree + geometry)

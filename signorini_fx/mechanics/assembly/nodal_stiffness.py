@@ -1,6 +1,7 @@
-"""Stiffness between the components of single nodes, beside that of forms, such as curved
-foundations add, and between the nodes of two sides that slide on each other; and with it the
-stiffness of a body by blocks, for ``linalg.blocks``.
+"""Stiffness that is added to that of forms: between the components of single nodes, as from curved
+foundations, and between the nodes of two sides that slide on each other.
+
+It also assembles the stiffness of a body in nodal blocks, for ``linalg.blocks``.
 """
 
 from __future__ import annotations
@@ -23,14 +24,18 @@ from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 
 @dataclass(frozen=True)
 class JointStiffness:
-    """Between the components of some nodes, the sum of those of all ranks."""
+    """A stiffness between the components of some nodes; the contributions of all ranks are
+    added.
+    """
 
     nodes: Ints  # global numbers, shape (m,)
     matrix: sp.csr_array  # force per length, shape (m d, m d)
 
     @classmethod
     def of_nodes(cls, nodes: Ints, matrix: sp.csr_array, dim: int) -> JointStiffness:
-        """Return the stiffness between nodes of which some may be there several times."""
+        """Return the stiffness, given with nodes that may be repeated; their rows and columns are
+        added.
+        """
         each, place = np.unique(nodes, return_inverse=True)
         once = sp.csr_array((np.ones(nodes.size), (place, np.arange(nodes.size))))
         spread = sp.csr_array(sp.kron(once, sp.eye_array(dim), format="csr"))
@@ -48,14 +53,19 @@ class JointStiffness:
         return to_owners(forces.reshape(-1, dim), self.nodes, comm, len(owned)).ravel()
 
     def add_to(self, matrix: PETSc.Mat, dim: int, fixed: Flags | None) -> None:
-        """To the unknowns that are not fixed; entries for which the matrix has no room are made;
-        collective.
+        """Add the stiffness to a matrix, except at fixed unknowns; the matrix gets new entries as
+        needed; collective.
+
+        Args:
+            matrix: of a form on the space of the nodes.
+            dim: components of each node.
+            fixed: which owned dofs are fixed, shape (owned dofs,); None: none.
         """
         comm = matrix.comm.tompi4py()
         unknowns = (dim * self.nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
         if fixed is not None:
             free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, comm)
-            unknowns[free == 0.0] = -1  # of which PETSc takes no entries
+            unknowns[free == 0.0] = -1  # PETSc skips entries with negative indices
         unknowns = unknowns.ravel()
         count, total = matrix.getSizes()[0]
         entries = np.diff(self.matrix.indptr).reshape(-1, dim).astype(np.float64)
@@ -76,31 +86,29 @@ class JointStiffness:
 
 @dataclass(frozen=True)
 class NodalStiffness:
-    """A block for each of some nodes."""
+    """A stiffness block for each of some nodes, with stiffness between nodes if there is any."""
 
     nodes: Ints  # owned nodes of this rank, local numbers, each once, shape (n,)
     blocks: Array  # force per length, symmetric, shape (n, d, d)
-    joint: tuple[JointStiffness, ...] = ()  # between nodes, which is added to them
+    joint: tuple[JointStiffness, ...] = ()  # added stiffness between nodes
 
     @classmethod
     def none(cls, dimension: int) -> NodalStiffness:
-        """Return the stiffness of no node."""
+        """Return a stiffness without any node."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, dimension, dimension)))
 
     @classmethod
     def summed(
         cls, nodes: npt.NDArray[np.integer], blocks: Array, joint: tuple[JointStiffness, ...] = ()
     ) -> NodalStiffness:
-        """Return blocks of contact points, of which a node may have several."""
+        """Return the stiffness from blocks of contact points; those of the same node are added."""
         each, position = np.unique(nodes, return_inverse=True)
         sums = np.zeros((each.size, *blocks.shape[1:]))
         np.add.at(sums, position, blocks)
         return cls(each.astype(np.int64), sums, joint)
 
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
-        """Return the forces of a displacement at the unknowns of this rank, shape (owned dofs,);
-        collective.
-        """
+        """Return the forces of the stiffness at a displacement, shape (owned dofs,); collective."""
         dim = self.blocks.shape[1]
         owned = space.dofmap.index_map.size_local
         forces = np.zeros((owned, dim))
@@ -108,8 +116,11 @@ class NodalStiffness:
         return sum((joint.times(displacement, space) for joint in self.joint), forces.ravel())
 
     def add_to(self, matrix: PETSc.Mat, fixed: Flags | None = None) -> None:
-        """Add it to the assembled matrix of a form on the same space, without rows and columns that
-        are ``fixed``, shape (owned dofs,); collective.
+        """Add the stiffness to the assembled matrix of a form on the same space; collective.
+
+        Args:
+            matrix: the assembled matrix.
+            fixed: dofs whose rows and columns are skipped, shape (owned dofs,); None: none.
         """
         dim = self.blocks.shape[1]
         blocks = self.blocks
@@ -136,9 +147,14 @@ class NodalStiffness:
 def block_stiffness(
     forms: Sequence[fem.Form], fixed: Flags, beside: NodalStiffness | None = None
 ) -> PETSc.Mat:
-    """Return the matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what
-    is ``beside``; rows and columns of ``fixed`` unknowns of this rank are left out, and have the
-    largest entry of the diagonal; collective.
+    """Return the matrix of a sum of bilinear forms of a vector Lagrange space in nodal blocks;
+    collective.
+
+    Args:
+        forms: the bilinear forms.
+        fixed: which dofs of this rank are prescribed, shape (owned dofs,); their rows and columns
+            are zero, with the largest diagonal entry on the diagonal.
+        beside: nodal stiffness to add; only its blocks are.  None: nothing.
     """
     from signorini_fx.algebra.linalg import kernels
 

@@ -1,4 +1,4 @@
-"""Data of a foundation at points of the boundary: numbers, callables, UFL expressions and
+"""Coefficients of a foundation at boundary nodes: numbers, callables, UFL expressions and
 Functions.
 """
 
@@ -21,11 +21,10 @@ from signorini_fx.tuned import LARGEST_NUMBER
 
 
 class NodalValues:
-    """Evaluates data at the nodes of a vector Lagrange space that belong to a part of the boundary.
+    """Evaluates coefficients at the nodes of a vector Lagrange space on a part of the boundary.
 
-    UFL expressions are compiled once, and evaluated in the cells at these nodes only, so that they
-    may be singular elsewhere.  Of an expression that jumps between cells any of its values is
-    taken.
+    UFL expressions are compiled once, and evaluated only in the cells at these nodes, so that they
+    may be singular elsewhere.  If an expression jumps between cells, one of its values is taken.
     """
 
     def __init__(self, space: fem.FunctionSpace, facets: Indices) -> None:
@@ -37,7 +36,7 @@ class NodalValues:
 
     @cached_property
     def _cells(self) -> Indices:
-        """The cells of this rank at the nodes."""
+        """The cells of this rank that have one of the nodes."""
         return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(
             np.int32
         )
@@ -49,8 +48,20 @@ class NodalValues:
         components: int = 1,
         minimum: float = -np.inf,
     ) -> Array:
-        """Return the values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes,
-        d), nan where no facet is, or a ``FormError`` about the argument ``name``; collective.
+        """Return the values at all nodes of this rank, ghosts included, nan where no facet is;
+        collective.
+
+        Args:
+            value: the coefficient.
+            name: of the argument that it is, for messages.
+            components: 1, or d for vectors.
+            minimum: smallest value allowed.
+
+        Returns:
+            Values of shape (nodes,), or (nodes, components) if there are several.
+
+        Raises:
+            FormError: the coefficient cannot be evaluated, or has values out of range.
         """
         comm = self._space.mesh.comm
         error = None
@@ -87,8 +98,11 @@ class NodalValues:
     def _expression(
         self, value: Expr, components: int
     ) -> tuple[fem.Expression, fem.Function, Expr]:
-        """Return the compiled expression, and a Function of the displacements for it; the value
-        stays with them.
+        """Return the compiled expression, a Function of the displacement space for its values, and
+        the UFL value, which must stay alive for the cache.
+
+        Raises:
+            ValueError: it has another shape or mesh.
         """
         compiled = self._compiled.get(id(value))
         if compiled is None:

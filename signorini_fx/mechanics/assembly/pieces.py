@@ -1,8 +1,8 @@
-"""The connected pieces of a body: cells that are connected by their sides.
+"""The connected pieces of a body: cells that are connected through common sides (edges in 2D, faces
+in 3D).
 
-Cells transmit forces to each other through the sides that they share.  A body whose mesh consists
-of several pieces is therefore several bodies.  Pieces that share a vertex and no side would be
-joined by a hinge: they are refused.
+Cells transmit forces through the sides that they share, so a mesh of several pieces is several
+bodies.  Pieces that share a vertex but no side would be joined by a hinge, and are refused.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 
-# With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects
-# of this size.
+# A mesh with more pieces is refused: its cells do not share their nodes, and rigid motions are dense
+# objects of this size.
 MOST_PIECES = 200
 # The pieces of each mesh that still exists.
 _known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
@@ -35,13 +35,13 @@ _known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
 
 @dataclass(frozen=True)
 class BodyPieces:
-    """The pieces of a body; all but ``of_cell`` are the same on every rank."""
+    """The connected pieces of a body; all but ``of_cell`` are the same on every rank."""
 
     # number of the piece that each cell of this rank is in, ghosts included, shape (cells,)
     of_cell: Ints
     cells: Ints  # number of cells of each piece, shape (pieces,)
     bounds: Array  # smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d)
-    # number of the assembly of bodies that may touch each other of each piece, shape (pieces,)
+    # number of the assembly (bodies that may touch each other) of each piece, shape (pieces,)
     assembly: Ints
     bodies: tuple[str, ...] = ()  # name of the body of each piece; empty where bodies have no names
 
@@ -51,7 +51,7 @@ class BodyPieces:
         return int(self.cells.size)
 
     def called(self, piece: int) -> str:
-        """Return which piece it is: a body by its name alone, any other piece with its size and
+        """Return the name of a piece for messages: that of its body, or its number, size and
         extent.
         """
         bodies = self.bodies
@@ -64,14 +64,20 @@ class BodyPieces:
         return f"{number} ({cells} cell{'s' * (cells > 1)}, {extent(self.bounds[piece])})"
 
     def names(self, pieces: Ints) -> list[str]:
-        """Return the bodies that pieces are of, or their numbers; none of a body of one piece."""
+        """Return the names of the bodies of some pieces, or the numbers of the pieces; empty if the
+        body is one piece without a name.
+        """
         if self.bodies:
             return list(dict.fromkeys(self.bodies[piece] for piece in pieces))
         return [f"piece {piece + 1}" for piece in pieces] if self.count > 1 else []
 
     def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, Indices]) -> BodyPieces:
-        """Return the pieces with the names of bodies, each of which has these cells on this rank;
-        collective.
+        """Return the pieces with the names of their bodies; collective.
+
+        Args:
+            comm: the ranks.
+            cells: the cells of each body on this rank, by name; a piece belongs to the body that
+                has most of its cells.
         """
         counts = [
             np.bincount(self.of_cell[body_cells], minlength=self.count)
@@ -81,9 +87,12 @@ class BodyPieces:
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
     def of_regions(self, comm: MPI.Comm, cells: Mapping[str, Indices]) -> BodyPieces:
-        """Return the same with the names of regions, if each piece is a whole region; collective.
+        """Return the pieces with the names of regions, if each piece is exactly one region, else
+        unchanged; collective.
 
-        ``cells``: of each region those that this rank owns.
+        Args:
+            comm: the ranks.
+            cells: the cells of each region that this rank owns, by name.
         """
         counts = parallel.global_sum(
             comm,
@@ -112,17 +121,17 @@ class BodyPieces:
 
 
 def extent(bounds: npt.ArrayLike) -> str:
-    """Return the extent of something as text, from its smallest and largest coordinates, shape (2,
-    d).
-    """
+    """Return smallest and largest coordinates, shape (2, d), as text."""
     return ", ".join(
         f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds))
     )
 
 
 def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
-    """Return the connected pieces of a body, in the order of their smallest coordinates; a
-    ``MeshError`` where there are more than ``MOST_PIECES``, or two share a vertex; collective.
+    """Return the connected pieces of a mesh, ordered by their smallest coordinates; collective.
+
+    Raises:
+        MeshError: there are more than ``MOST_PIECES``, or two share a vertex.
     """
     if mesh not in _known:
         _known[mesh] = _pieces_of(mesh)
@@ -130,13 +139,14 @@ def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def forget_pieces(mesh: dmesh.Mesh) -> None:
-    """The coordinates of a mesh have changed."""
+    """Drop the cached pieces of a mesh, after its coordinates have changed."""
     _known.pop(mesh, None)
 
 
 def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
-    """Return the pieces of a whole mesh: labels of sides between two ranks join components of the
-    cells of each rank; collective.
+    """Compute the pieces of a whole mesh; collective.
+
+    Each rank labels the components of its own cells; sides between two ranks then join the labels.
     """
     comm = mesh.comm
     topology = mesh.topology
@@ -185,8 +195,8 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def _local_components(topology: dmesh.Topology) -> tuple[Indices, Ints]:
-    """Return the sides of the cells of this rank, and a label for each of its cells: those that
-    share a side have the same.
+    """Return the sides of the cells of this rank, and a label for each cell; cells that share a
+    side have the same label.
     """
     sides = topology.connectivity(topology.dim, topology.dim - 1)
     side_map = topology.index_map(topology.dim - 1)
@@ -203,17 +213,15 @@ def _local_components(topology: dmesh.Topology) -> tuple[Indices, Ints]:
 
 
 def _labels_of(entities: Indices, labels: Ints, index_map: IndexMap) -> Ints:
-    """Return the label of a cell at each vertex or side (any of them, if there are several), -1
-    where there is no cell.
-    """
+    """Return a label for each vertex or side: that of any of its cells, -1 if it has none."""
     entity_labels = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
     entity_labels[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
     return entity_labels
 
 
 def _disagreements(labels: Ints, index_map: IndexMap) -> Ints:
-    """Return ghosts to which this rank and their owner give different labels: (entity, own label,
-    owner's); collective.
+    """Return the ghosts that this rank and their owner label differently: rows of entity, own label
+    and owner's label; collective.
     """
     vector = la.vector(index_map, 1, dtype=np.int64)
     vector.array[:] = labels
@@ -223,7 +231,7 @@ def _disagreements(labels: Ints, index_map: IndexMap) -> Ints:
 
 
 def _refuse_hinges(mesh: dmesh.Mesh, of_cell: Ints) -> None:
-    """Refuse pieces that share a vertex; collective."""
+    """Raise a ``MeshError`` if two pieces share a vertex; collective."""
     topology = mesh.topology
     dim = mesh.geometry.dim
     vertices = topology.connectivity(topology.dim, 0).array
