@@ -1,10 +1,11 @@
-"""The contact boundary: its nodes with weights and directions, the traces tau_N y and tau_T y, and
-the map B to them.
+"""The contact boundary: its nodes with weights and normals, the traces tau_N y and tau_T y, and the
+map B to them.
 
-With the nodal rule of ``mesh_entities`` the products on Gamma_c are sums over nodes,
-(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees
-of freedom.  A node of two contact boundaries has two entries, one for each normal.  Where nodes
-have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
+With the nodal quadrature rule of ``mesh_entities`` the products on Gamma_c are sums over nodes,
+(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A contact point belongs to the rank that owns the
+degrees of freedom of its node.  A node of two contact boundaries has two entries, one for each
+normal.  On quadratic tetrahedra, where this rule has no weight at vertices, the contact points are
+the vertices, and z_i is an average (``averages.py``).
 """
 
 from __future__ import annotations
@@ -47,15 +48,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MovingFoundation:
-    """The motion of rigid foundations at n contact points, where it is an unknown, see
+    """The motion of rigid foundations with unknown motion at n contact points, see
     ``rigid_bodies``.
 
     Attributes:
-        modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d,
-            k).
+        modes: displacement of the foundation at each point per unit of each of the k unknowns,
+            shape (n, d, k).
         fixed: which unknowns are prescribed, shape (k,).
         stiffness: of springs to the ground, force / length, shape (k,).
-        number: of the foundation of each unknown among the ``bodies``, shape (k,).
+        number: position in ``bodies`` of the body of each unknown, shape (k,).
+        bodies: the rigid bodies.
     """
 
     modes: Array
@@ -66,24 +68,25 @@ class MovingFoundation:
 
     @property
     def loose(self) -> Flags:
-        """Which unknowns contact alone holds, shape (k,)."""
+        """Which unknowns only contact restrains, shape (k,)."""
         return ~self.fixed & (self.stiffness == 0.0)
 
 
 @dataclass(frozen=True)
 class CornerPoints:
-    """Which of n contact points are those of corners of foundations, see
-    ``obstacles.corner_points``.
+    """Which of n contact points lie below corners of foundations, see ``obstacles.corner_points``.
+
+    Values at points that are nodes are nan, if not said otherwise.
 
     Attributes:
-        number: of the point among those of the corners of its foundation, two of each, -1 at
-            nodes, shape (n,).
-        opening: the gap without what is given, of a node that of its place: nan, length, shape
-            (n,).
-        alone: which points see no foundation, with a gap beyond any reach, shape (n,).
-        place: of the corner, nan at nodes, length, shape (n, d).
-        facet: length of the facet under it, nan at nodes, shape (n,).
-        slope: tangent of the angle between the facet and the nearer side, nan at nodes, shape (n,).
+        number: of the point among those of the corners of its foundation, two for each corner; -1
+            at nodes, shape (n,).
+        opening: the gap from the geometry alone, which replaces that at nodes; nan: the gap at the
+            node is kept, length, shape (n,).
+        alone: which points have no foundation opposite, with a gap beyond any reach, shape (n,).
+        place: position of the corner, length, shape (n, d).
+        facet: length of the facet under it, shape (n,).
+        slope: tangent of the angle between the facet and the nearer side of the corner, shape (n,).
     """
 
     number: Ints
@@ -95,7 +98,13 @@ class CornerPoints:
 
     @classmethod
     def at_nodes(cls, alone: Flags, reach: float, dimension: int) -> CornerPoints:
-        """Return those of points that are all at nodes, some of them alone."""
+        """Return the record of points that are all nodes.
+
+        Args:
+            alone: which of them have no foundation opposite, shape (n,).
+            reach: the gap of these, length.
+            dimension: d.
+        """
         unknown = np.full(alone.size, np.nan)
         return cls(
             np.full(alone.size, -1, dtype=np.int64),
@@ -108,7 +117,7 @@ class CornerPoints:
 
     @classmethod
     def joined(cls, parts: Sequence[CornerPoints]) -> CornerPoints:
-        """Return those of several lists of points."""
+        """Return the records of several lists of points as one."""
         return cls(
             *(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls))
         )
@@ -116,7 +125,7 @@ class CornerPoints:
 
 @dataclass(frozen=True)
 class ContactBoundary:
-    """The contact nodes of this rank, n of them.
+    """The n contact points of this rank.
 
     Attributes:
         comm: the ranks that share the boundary.
@@ -124,20 +133,21 @@ class ContactBoundary:
         x: position, length, shape (n, d).
         weight: w_i, the area (in 2D: length) that belongs to the node, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
-        part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
-        free: which displacement components are not prescribed, shape (n, d); where points average,
-            at some node.
-        surface: of each part the space, the facets of this rank, and its number.
+        part: position in ``statement.contact`` of the contact of each point, shape (n,).
+        free: which displacement components along ``axes`` are not prescribed, shape (n, d); where
+            points average, at some node of them.
+        surface: the space, the facets of this rank and the number of each part.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it.
-        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n,
+        axes: the frame of each point to which ``free`` refers, one direction per column, shape (n,
             d, d).
-        moving: foundations whose motion is an unknown; None: there are none.
-        friction_axes: of friction that depends on the direction; None: none does.
-        kinematics: of displacements with these components on these cells, whatever the scene is.
-        pushing: the force of a unit pressure on the body of its node, per area and negative, shape
-            (n, d), where that acts along derivatives of the gap; None: ``normal``.
-        corners: which points are those of corners of foundations; None: all are those of nodes.
+        kinematics: of the displacement components: Cartesian or with torsion, whatever the
+            hypothesis of the scene is.
+        moving: foundations with unknown motion; None: there are none.
+        friction_axes: axes of friction that depends on the direction; None: there is none.
+        pushing: minus the force of a unit pressure on the body of its node, per area, shape (n, d),
+            where it is not along ``normal`` but along derivatives of the gap; None: ``normal``.
+        corners: which points lie below corners of foundations; None: all are nodes.
     """
 
     comm: MPI.Comm
@@ -159,7 +169,9 @@ class ContactBoundary:
 
     @cached_property
     def at_nodes(self) -> Flags:
-        """Which points are those of nodes, shape (n,): a force at a corner is no pressure."""
+        """Which points are nodes, shape (n,); tractions exist at these only, as corners transmit
+        point forces.
+        """
         return self.number < 0
 
     @property
@@ -168,8 +180,10 @@ class ContactBoundary:
         return np.full(self.size, -1) if self.corners is None else self.corners.number
 
     def interpolated(self, values: Array) -> Array:
-        """Return values at the nodes of this rank, shape (nodes,), at the points, shape (n,);
-        collective where there are corners.
+        """Return nodal values at the points, shape (n,); collective if there are corners.
+
+        Args:
+            values: at the nodes of this rank, shape (nodes,).
         """
         if self.corners is None:
             return values[self.nodes]
@@ -178,8 +192,10 @@ class ContactBoundary:
         return np.where(self.at_nodes, values[self.nodes], (self.averages.shares @ at_nodes)[:, 0])
 
     def moved(self, displacement: Array | None) -> Array:
-        """Return the displacements of the points, length, shape (n, d), from those of the nodes of
-        this rank, shape (nodes, d), None: none; collective.
+        """Return the displacements of the points, length, shape (n, d); collective.
+
+        Args:
+            displacement: of the nodes of this rank, shape (nodes, d); None: zero.
         """
         if displacement is None:
             return np.zeros_like(self.x)
@@ -189,44 +205,49 @@ class ContactBoundary:
 
     @property
     def size(self) -> int:
-        """Number of contact nodes on this rank."""
+        """The number of contact points on this rank."""
         return int(self.nodes.size)
 
     @cached_property
     def segments(self) -> Ints:
-        """Facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a
-        facet); in the plane in order along the facet, in 3D as basix has them.
+        """The facets of this rank: the number of the part, then global node numbers, shape (facets,
+        1 + nodes of a facet).
+
+        In 2D nodes are in order along the facet, in 3D in the order of basix.
         """
         return np.concatenate([segments_of(*part) for part in self.surface])
 
     @cached_property
     def centre(self) -> Array:
-        """Return the points where the forces act on a rigid body, length, shape (n, d)."""
+        """The points where the contact forces act on a rigid body, length, shape (n, d)."""
         return self.averages.arm
 
     @property
     def paired(self) -> bool:
-        """Whether points are those of two bodies."""
+        """Whether points belong to two bodies."""
         return self.averages.paired
 
     @cached_property
     def tangents(self) -> Array:
-        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction has a
-        direction.
+        """The tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction
+        depends on the direction.
         """
         return self._axes if self.friction_axes is None else self._axes * self.friction_axes.scale
 
     @cached_property
     def cotangents(self) -> Array:
-        """Return the dual basis of the tangents, shape (n, d, d - 1), which makes vectors of
-        components of displacements; the tangents make those of forces.
+        """The dual basis of the tangents, shape (n, d, d - 1).
+
+        It turns components of displacements into vectors, as the tangents do for forces.
         """
         return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
 
     @cached_property
     def _axes(self) -> Array:
-        """Orthonormal tangents; one is along a component that is prescribed, those of friction
-        along its axes.
+        """Orthonormal tangents, shape (n, d, d - 1).
+
+        One of them is along a prescribed component if there is one in the tangent plane; with axes
+        of friction they follow these.
         """
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
@@ -249,17 +270,17 @@ class ContactBoundary:
 
     @property
     def frames(self) -> Array:
-        """(n, T) of each node, one direction per column, shape (n, d, d)."""
+        """The frame (n, T) of each point, one direction per column, shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
 
     @property
     def coframes(self) -> Array:
-        """Return the dual basis of the frames, (n, T^-T), shape (n, d, d)."""
+        """The dual basis (n, T^-T) of the frames, shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
 
     @cached_property
     def points(self) -> ContactPoints:
-        """Return the contact points without coordinates, for the core."""
+        """The contact points in the form that algorithms need, without the mesh."""
         orthonormal = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
         frames = np.einsum("nji,njk->nik", self.axes, orthonormal)
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
@@ -275,7 +296,7 @@ class ContactBoundary:
 
     @property
     def _shared(self) -> SharedNodes:
-        """The points that share a node with another one; none of those that average."""
+        """The points that share their node with another one; points that average are left out."""
         alone = np.flatnonzero(np.diff(self.averages.shares.indptr) == 1)
         _, node, times = np.unique(self.nodes[alone], return_inverse=True, return_counts=True)
         alone = alone[times[node] > 1]
@@ -286,8 +307,12 @@ class ContactBoundary:
         return SharedNodes(points, beside, rmatvec(self.coframes[points], self.normal[beside]))
 
     def nodal_forces(self, pressure: Array, shear: Array) -> Array:
-        """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing``
-        for n.
+        """Return w (lambda n + T mu), minus the contact forces on the body, shape (n, d);
+        ``pushing`` replaces n where it is given.
+
+        Args:
+            pressure: lambda, stress, shape (n,).
+            shear: mu, stress, along the tangents, shape (n, d - 1).
         """
         along = self.normal if self.pushing is None else self.pushing
         traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
@@ -295,11 +320,11 @@ class ContactBoundary:
 
 
 def tangents_of(normal: Array) -> Array:
-    """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
+    """Return orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
 
-    In 2D t = (-n_2, n_1), along x[0] for a body above its foundation; in 3D any two of a
-    right-handed frame (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must
-    not be compared from node to node.
+    In 2D t = (-n_2, n_1), along x[0] for a body above its foundation.  In 3D they make right-handed
+    frames (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which may jump from
+    node to node.
     """
     if normal.shape[1] == 2:
         return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
@@ -313,7 +338,7 @@ def tangents_of(normal: Array) -> Array:
 
 
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
-    """Several contact boundaries as one list of nodes."""
+    """Return several contact boundaries as one."""
     names = ("nodes", "x", "weight", "normal", "part", "free", "global_nodes", "axes")
     joined_fields = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in names
@@ -348,9 +373,13 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
 def unit_contact_form(
     space: fem.FunctionSpace, facets: Indices, factor: Expr | None = None
 ) -> fem.Form:
-    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals.
+    """Return the form (lambda, tau_N z) for lambda = 1: its vector has the nodal weights times the
+    normals.
 
-    ``factor``: of the surface measure.
+    Args:
+        space: of the displacement.
+        facets: exterior facets of the contact boundary.
+        factor: of the surface measure, UFL; None: 1.
     """
     mesh = space.mesh
     degree = space.element.basix_element.degree
@@ -371,8 +400,14 @@ def unit_contact_form(
 def nodal_points(
     space: fem.FunctionSpace, form: fem.Form, least: float
 ) -> tuple[Indices, Array, Array]:
-    """Local numbers of contact nodes, their weights and normals, from the unit contact form; nodes
-    whose weight is no larger than ``least`` times the largest one are no points; collective.
+    """Return local numbers, weights and normals of the contact nodes; collective.
+
+    Nodes whose weight is at most ``least`` times the largest one are left out.
+
+    Args:
+        space: of the displacement.
+        form: see ``unit_contact_form``.
+        least: relative weight.
     """
     weighted_normals = assemble(form).reshape(-1, space.mesh.geometry.dim)
     size = np.linalg.norm(weighted_normals, axis=1)
@@ -388,8 +423,15 @@ def contact_part(
     index: int,
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
-    """Return the contact boundary of one foundation or pair from its ``points``, see
-    ``nodal_points``.
+    """Return the contact boundary of one foundation or pair.
+
+    Args:
+        space: of the displacement.
+        points: local numbers, weights and normals, see ``nodal_points``.
+        averages: how the points average.
+        facets: exterior facets.
+        index: position of the contact in the scene.
+        turned: nodes with supports along no axis; None: there are none.
     """
     dim = space.mesh.geometry.dim
     nodes, weight, normal = points
@@ -412,7 +454,7 @@ def contact_part(
 
 
 def no_points(space: fem.FunctionSpace) -> ContactBoundary:
-    """Return the contact boundary of a body without contact."""
+    """Return a contact boundary without points, for a body without contact."""
     dim = space.mesh.geometry.dim
     nowhere = np.zeros(0, dtype=np.int32)
     x = np.zeros((0, dim))
@@ -421,7 +463,7 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
 
 
 def segments_of(space: fem.FunctionSpace, facets: Indices, part: int) -> Ints:
-    """Return the segments of one part of a contact boundary."""
+    """Return ``ContactBoundary.segments`` of one part."""
     side = space.mesh.topology.dim - 1
     local_nodes = facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
@@ -440,11 +482,16 @@ def contact_map(
     rotation: PETSc.Mat | None,
     behind: int = 0,
 ) -> ContactMap:
-    """B from the unknowns of the stiffness, of which some are ``fixed``; collective.
+    """Return the map B from the unknowns of the stiffness to traces at the contact points;
+    collective.
 
-    ``rotation``: Q, where displacements are y = Q x, None: they are x.
-    ``behind``: how many unknowns, which no point reaches, stand behind those of foundations that
-        move.
+    Args:
+        boundary: the contact points.
+        fixed: which unknowns of this rank are prescribed.
+        matrix: the stiffness.
+        rotation: Q with displacements y = Q x; None: the unknowns x are displacements.
+        behind: how many unknowns, such as pressures, follow those of rigid bodies; no contact point
+            depends on them.
     """
     columns, total = (matrix if rotation is None else rotation).getSizes()[0]
     count, dim = boundary.x.shape
@@ -465,8 +512,8 @@ def contact_map(
     )
     if rotation is None:
         return mapping
-    # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear
-    # of it: it is zero.
+    # Entries at components perpendicular to a normal or tangent are round-off.  They are dropped,
+    # because gamma would turn them into tractions.
     mapping = mapping.after(rotation, fixed)
     mapping.operator.chop(ZERO_COMPONENT)
     if (moving := boundary.moving) is None:
@@ -486,8 +533,11 @@ def contact_map(
 
 
 def block_diagonal(operator: PETSc.Mat, blocks: Array) -> PETSc.Mat:
-    """Return the matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an
-    operator; collective.
+    """Return a block diagonal matrix with the row layout of an operator; collective.
+
+    Args:
+        operator: gives the layout.
+        blocks: the blocks of this rank, shape (n, m, m).
     """
     rows = operator.getSizes()[0]
     first = operator.getOwnershipRange()[0]
@@ -503,7 +553,9 @@ def block_diagonal(operator: PETSc.Mat, blocks: Array) -> PETSc.Mat:
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
-    """S of ``ContactMap`` between two bodies whose points share no node; else None; collective."""
+    """Return S of ``ContactMap``, if there are two bodies and no points share a node, else None;
+    collective.
+    """
     averages = boundary.averages
     if not averages.paired or averages.lift is None:
         return None
@@ -522,9 +574,9 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
         .createAIJ(operator.getSizes(), csr=csr, comm=operator.comm)
         .transpose(PETSc.Mat())
     )
-    # Points see half the rotation of their own nodes, too, along other directions than the
-    # displacements that cause it: one step of Newton's method for the inverse of B S, S (2 - B S),
-    # leaves the square of a small angle.
+    # B also contains half the rotation of the points' own nodes, in other directions than the
+    # displacements that cause it, so B S is only nearly the identity.  One step of Newton's method
+    # for its inverse, S (2 - B S), leaves the square of a small angle.
     turned = operator.matMult(inverse)
     turned.scale(-1.0)
     turned.shift(2.0)

@@ -1,5 +1,5 @@
-"""Results at the contact points together with where these are: forces and moments in the axes of
-space.
+"""Results at the contact points with their geometry: forces and moments along the
+coordinate axes.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 
 @dataclass(frozen=True, repr=False)
 class ContactState(PointState):
-    """The contact nodes of this rank after a solve.
+    """The contact state of the contact points of this rank after a solve.
 
     Attributes:
-        boundary: their weights and normals.
-        columns: what effects in time add to the table of contact, by names, each of shape (n,).
+        boundary: the contact points, with weights and normals.
+        columns: columns that effects add to the contact table, by name, each of shape (n,).
     """
 
     boundary: ContactBoundary
@@ -30,14 +30,14 @@ class ContactState(PointState):
 
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:
-        """Return a state at the points of a boundary."""
+        """Return a state of points together with their boundary."""
         return cls(
             **{one.name: getattr(state, one.name) for one in fields(state)}, boundary=boundary
         )
 
     @cached_property
     def forces(self) -> tuple[Array, Array]:
-        """Resultants that the foundation exerts on the body: contact force, friction force, shape
+        """The resultants of the contact force and of the friction force on the body, each of shape
         (d,); collective.
         """
         contact, friction = self.forces_of_each.sum(axis=0)
@@ -45,10 +45,10 @@ class ContactState(PointState):
 
     @cached_property
     def forces_of_each(self) -> Array:
-        """``forces`` of each contact boundary, in the order of the scene, shape (boundaries, 2, d);
-        collective.
+        """The resultants ``forces`` of each contact boundary, in the order of the scene, shape
+        (boundaries, 2, d); collective.
 
-        Between bodies each is on the body that has the contact points, and their sum on none.
+        Between two bodies they are the forces on the body that has the contact points.
         """
         boundary = self.boundary
         forces = self.forces_at_points
@@ -68,8 +68,10 @@ class ContactState(PointState):
 
     @cached_property
     def moments(self) -> tuple[Array, Array]:
-        """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about
-        the axis x[1], as others cancel over a revolution; collective.
+        """The moments of ``forces`` about the origin, in 3D only, each of shape (3,); collective.
+
+        Of a section with torsion only the moment about the axis x[1] is not zero, as the others
+        cancel over a revolution.
         """
         boundary = self.boundary
         about_origin = np.cross(boundary.centre[:, None], self.forces_at_points).sum(axis=0)
@@ -80,15 +82,15 @@ class ContactState(PointState):
 
     @property
     def mean_tangential_displacement(self) -> float | Array:
-        """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector,
+        """The mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector,
         shape (3,); collective.
         """
         return self.mean_tangential_displacements[0]
 
     @cached_property
     def mean_tangential_displacements(self) -> list[float | Array]:
-        """Return the mean tangential displacement of all contact boundaries together, and of each,
-        in the order of the scene; collective.
+        """The mean tangential displacement of all contact boundaries together, then of each in the
+        order of the scene; collective.
         """
         boundary = self.boundary
         along = self.displaced(self.u_t)
@@ -103,13 +105,15 @@ class ContactState(PointState):
         return [float(mean[0]) if mean.size == 1 else mean for mean in means]
 
     def tangential(self, vectors: Array) -> Array:
-        """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, in 3D as vectors, shape
-        (n, 3), which do not depend on the choice of tangents.
+        """Return shears, shape (n, d - 1), as tables show them.
+
+        In 2D they are components along the tangent; in 3D vectors, shape (n, 3), which do not
+        depend on the choice of tangents.
         """
         if vectors.shape[1] == 1:
             return vectors
         return matvec(self.boundary.tangents, vectors)
 
     def displaced(self, vectors: Array) -> Array:
-        """Return tangential displacements or slips as in tables, see ``tangential``."""
+        """Return tangential displacements or slips as tables show them, see ``tangential``."""
         return vectors if vectors.shape[1] == 1 else matvec(self.boundary.cotangents, vectors)

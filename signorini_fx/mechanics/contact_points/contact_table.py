@@ -1,6 +1,4 @@
-"""The contact boundary as a table: nodes of all ranks in a fixed order, and in 2D the zones on
-it.
-"""
+"""The contact boundary as a table: the nodes of all ranks in a fixed order, and in 2D its zones."""
 
 from __future__ import annotations
 
@@ -28,20 +26,20 @@ class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
     Attributes:
-        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in 3D open,
-            stick or slip; ``friction`` is the same without open, or none where the bound is 0,
-            whether or not the node is in contact (Tresca friction acts on open nodes too).
-            ``u_t``, ``shear`` and ``slip`` are along the tangent; in 3D, and of a section in 3D,
-            they are lengths of vectors, whose components follow as ``u_t_x`` and so on.  Where two
-            bodies are in contact, ``against`` names the other boundary.
-        chains: the connected pieces of the boundary, as ranges of rows; in 3D none.  The column
-            ``to_next`` has the distance to the next node along a piece; at the last node it is
-            positive where the piece is closed.
+        columns: one entry per node, by name.  ``state`` is open, stick, slip+ or slip-, in 3D open,
+            stick or slip.  ``friction`` has the same values without open, whether or not the node
+            is in contact (Tresca friction acts on open nodes too), and none where the bound is 0.
+            ``u_t``, ``shear`` and ``slip`` are along the tangent; in 3D, and on a section with
+            torsion, they are lengths of vectors, whose components follow as ``u_t_x`` and so on.
+            Between two bodies ``against`` names the other boundary.
+        chains: the connected pieces of the boundary in 2D, as ranges of rows; empty in 3D.  The
+            column ``to_next`` has the distance to the next node along a piece; at the last node it
+            is positive if the piece is closed.
         nodes: position of the boundary in ``statement.contact`` and global number of the node,
-            shape (rows, 2); None for a table that belongs to no mesh.
-        facets: in 3D the rows at the nodes of each facet, as basix has them, facets in the order of
-            the ranks, -1 for nodes that are no contact nodes, shape (facets, nodes of a facet);
-            None in 2D.
+            shape (rows, 2); None for a table without a mesh.
+        facets: in 3D the rows of the nodes of each facet in the order of basix, facets in the order
+            of the ranks, -1 for nodes without contact, shape (facets, nodes of a facet); None in
+            2D.
     """
 
     columns: dict[str, Column]
@@ -53,7 +51,7 @@ class ContactTable:
         return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks: the first rows, without round-off in positions."""
+        """Return the first rows as HTML for notebooks, with round-off removed from positions."""
         x = [self.columns[axis] for axis in "xyz" if axis in self.columns]
         extent = max((float(np.ptp(column)) for column in x if column.size), default=0.0)
         first = {name: column[:_SHOWN_ROWS].tolist() for name, column in self.columns.items()}
@@ -75,12 +73,12 @@ class ContactTable:
 
     @property
     def touching(self) -> int:
-        """How many nodes are in contact."""
+        """The number of nodes in contact."""
         return int(np.count_nonzero(self.columns["state"] != "open"))
 
     @property
     def paths(self) -> list[Ints]:
-        """The rows along each connected piece; at the end of a closed one its first row again."""
+        """The rows along each connected piece; a closed piece ends with its first row again."""
         to_next = self.columns.get("to_next")
         closed = [to_next is not None and to_next[piece.stop - 1] > 0 for piece in self.chains]
         return [
@@ -89,17 +87,17 @@ class ContactTable:
         ]
 
     def arc(self, path: Ints) -> Array:
-        """Arc length at the rows of one of ``paths``, from its first row."""
+        """Return the arc length at the rows of one of ``paths``, from its first row."""
         s = np.array(self.columns["s"][path])
         if is_closed(path):
             s[-1] = s[-2] + self.columns["to_next"][path[-2]]
         return s
 
     def unrolled(self, path: Ints) -> tuple[Ints, Array, slice]:
-        """Return rows and arc length along one of ``paths``, and which of the intervals between
-        them are its own.
+        """Return rows and arc lengths along one of ``paths``, and a slice of the intervals between
+        them that belong to the path itself.
 
-        A closed path goes round three times, so that the round in the middle has no ends.
+        A closed path is repeated three times, so that the copy in the middle has no ends.
         """
         s = self.arc(path)
         count = len(path) - 1
@@ -109,11 +107,11 @@ class ContactTable:
         return rows, np.concatenate((s[:-1] - s[-1], s[:-1], s + s[-1])), slice(count, 2 * count)
 
     def zones(self, mask: Flags) -> list[list[list[float]]]:
-        """Return runs of neighbouring nodes where ``mask`` holds, each as [first point, last
+        """Return runs of neighbouring nodes where ``mask`` is true, each as [first point, last
         point].
 
-        A run across the first row of a closed piece is one; one all around goes from the first row
-        to the last.
+        A run across the first row of a closed piece counts as one; a run all around goes from the
+        first row to the last.
         """
         places = np.column_stack((self.columns["x"], self.columns["y"]))
         zones = []
@@ -133,22 +131,23 @@ class ContactTable:
 
 
 def is_closed(path: Ints) -> bool:
-    """Return whether a path of rows ends where it began."""
+    """Return whether a path of rows ends at its first row."""
     return path.size > 1 and bool(path[0] == path[-1])
 
 
 def contact_table(
     contact: ContactState, names: Sequence[str], against: Sequence[str | None] | None = None
 ) -> ContactTable:
-    """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on
-    any number of ranks.
+    """Return the table of the contact nodes of all ranks, the same on every rank and for any number
+    of ranks; collective.
 
-    In 2D the order is that along the boundary, on a surface that of the coordinates.
+    In 2D nodes are in order along the boundary, in 3D in the order of their coordinates.
 
     Args:
-        contact: the nodes of this rank.
+        contact: the contact state of this rank.
         names: name of the boundary of each effect in ``statement.contact``.
-        against: that of the other body of each; None: there is none at all, nor a column for it.
+        against: name of the other boundary of each effect, None without one; None: no contact has
+            one, and the table has no such column.
     """
     boundary = contact.boundary
     dim = boundary.x.shape[1] - boundary.kinematics.out_of_section
@@ -216,16 +215,18 @@ def contact_table(
 
 
 def _in_line(x: Array) -> Array:
-    """Positions relative to their extent, shape (n, d), rounded: else round-off would order points
-    in line.
+    """Return positions divided by the largest extent, shape (n, d), rounded: otherwise round-off
+    would order points on one line.
     """
     extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
     return np.round(x / extent, 9) if extent > 0 else np.zeros_like(x)
 
 
 def _chains(numbers: Ints, segments: Ints, x: Array) -> tuple[list[range], Ints, list[bool]]:
-    """Connected pieces, their nodes in order, and whether each is closed, whatever the numbers of
-    nodes and ranks.
+    """Return the connected pieces as ranges of rows, the nodes in this order, and whether each
+    piece is closed.
+
+    The result does not depend on the numbering of nodes or the number of ranks.
     """
     keys = [*zip(numbers.T[0], *_in_line(x).T, strict=True)]
     row_of = {
@@ -257,8 +258,11 @@ def _chains(numbers: Ints, segments: Ints, x: Array) -> tuple[list[range], Ints,
 
 
 def _rows_of(numbers: Ints, segments: Ints) -> Ints:
-    """``ContactTable.facets`` from the part and the global number of each row and
-    ``ContactBoundary.segments``.
+    """Return ``ContactTable.facets``.
+
+    Args:
+        numbers: part and global node number of each row.
+        segments: see ``ContactBoundary.segments``.
     """
     base = int(segments[:, 1:].max(initial=0)) + 1
     row_keys = numbers[:, 0] * base + numbers[:, 1]
@@ -269,9 +273,7 @@ def _rows_of(numbers: Ints, segments: Ints) -> Ints:
 
 
 def _components(name: str, vectors: Array) -> dict[str, Array]:
-    """Return values as columns: themselves; of tangential vectors in 3D their lengths and
-    components.
-    """
+    """Return values as columns; tangential vectors in 3D give their length and their components."""
     if vectors.shape[1] == 1:
         return {name: vectors[:, 0]}
     return {
@@ -281,8 +283,8 @@ def _components(name: str, vectors: Array) -> dict[str, Array]:
 
 
 def _along(x: Array, pieces: list[range], closed: list[bool]) -> dict[str, Array]:
-    """Arc length along each connected piece, from its beginning, and the distance from each node to
-    the next one.
+    """Return the columns ``s``, arc length from the beginning of each connected piece, and
+    ``to_next``, distance to the next node.
     """
     along = np.zeros(len(x))
     to_next = np.zeros(len(x))

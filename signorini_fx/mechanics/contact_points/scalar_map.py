@@ -1,4 +1,4 @@
-"""Values at the nodes of bodies, such as temperatures, at contact points, and what acts there."""
+"""The map from nodal scalars, such as temperatures, to contact points, and its transpose."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 
 @dataclass(frozen=True)
 class ScalarMap:
-    """B, from values at nodes to those at the n contact points of this rank: of a pair of bodies
-    those of the side with the points less those of the other side, whose rows have the sum zero, of
-    a foundation those of the body.
+    """The matrix B from values at nodes to the n contact points of this rank.
 
-    What passes contact by h per area and difference of these values is B^T w h B.
+    Between two bodies, B gives the value on the side with the points minus that on the other side,
+    so that its rows have the sum zero; on a foundation it gives the value of the body.  A flux of h
+    per area and difference has the matrix B^T w h B.
 
     Attributes:
-        boundary: the points.
-        space: of the values, of one component, whose nodes are those of the displacement.
+        boundary: the contact points.
+        space: scalar space of the values, with the nodes of the displacement.
 
     Raises:
         FormError: the space has other nodes.
@@ -46,22 +46,22 @@ class ScalarMap:
 
     @property
     def rows(self) -> sp.csr_array:
-        """Return B, shape (n, m)."""
+        """The matrix B, shape (n, m)."""
         return sp.csr_array(self.boundary.averages.shares)
 
     @property
     def dofs(self) -> Ints:
-        """Return the global number of each column of ``rows``, shape (m,)."""
+        """The global number of each column of ``rows``, shape (m,)."""
         return self.boundary.averages.nodes
 
     @property
     def weight(self) -> Array:
-        """Return the area, in 2D the length, of each point, shape (n,)."""
+        """The area (in 2D: length) of each point, shape (n,)."""
         return self.boundary.weight
 
     @cached_property
     def side(self) -> sp.csr_array:
-        """The part of ``rows`` on the side of the points; collective."""
+        """The part of ``rows`` on the side of the contact points; collective."""
         on_side = sp.csr_array(self.rows.shape)
         for space, facets, number in self.boundary.surface:
             nodes = marked_nodes(space, facet_nodes(space, facets).ravel())
@@ -70,14 +70,20 @@ class ScalarMap:
         return sp.csr_array(on_side)
 
     def of(self, values: Array, rows: sp.csr_array | None = None) -> Array:
-        """Return B of values at the nodes of this rank, shape (n,), or other ``rows`` of them,
-        such as ``side``; collective.
+        """Return B times nodal values, shape (n,); collective.
+
+        Args:
+            values: at the nodes of this rank.
+            rows: a matrix that replaces B, such as ``side``; None: B.
         """
         return np.asarray((self.rows if rows is None else rows) @ self.received(values))
 
     def received(self, values: Array | Flags) -> Array:
-        """Return values at the nodes of this rank at the columns of ``rows``, shape (m,);
-        collective.
+        """Return nodal values at the columns of ``rows``, also those that other ranks own, shape
+        (m,); collective.
+
+        Args:
+            values: at the nodes of this rank.
         """
         owned = np.asarray(values, dtype=np.float64)[: self._owned, None]
         return from_owners(owned, self.dofs, self.boundary.comm)[:, 0]
@@ -91,14 +97,14 @@ class ScalarMap:
 
         Args:
             density: q at the points, per area, shape (n,).
-            rows: in place of B, such as ``side``; None: B.
+            rows: a matrix that replaces B, such as ``side``; None: B.
         """
         rows = self.rows if rows is None else rows
         at_nodes = np.asarray(rows.T @ (self.weight * density))[:, None]
         return to_owners(at_nodes, self.dofs, self.boundary.comm, self._owned)[:, 0]
 
     def matrix(self, conductance: Array) -> PETSc.Mat:
-        """Return B^T w h B; collective.
+        """Return the matrix B^T w h B; collective.
 
         Args:
             conductance: h at the points, shape (n,).

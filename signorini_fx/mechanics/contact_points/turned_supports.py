@@ -1,10 +1,11 @@
-"""Supports along no axis: nodes turned into a frame in which what is prescribed there is a
-component.
+"""Supports that are not along an axis: their nodes get a rotated frame in which components are
+prescribed.
 
-A boundary that is flat, but across no axis, prescribes n . y = g at its nodes, and other supports
-may prescribe more there.  With an orthonormal frame Q_i at each such node, y_i = Q_i x_i, the first
-components of x_i are prescribed and the others free; so the unknowns of the whole body are x with y
-= Q x, A = Q^T K Q and b = Q^T f, in which supports are eliminated as they are along axes.
+A flat boundary that is not perpendicular to an axis prescribes n . y = g at its nodes, and other
+supports may prescribe more there.  With an orthonormal frame Q_i at each such node, y_i = Q_i x_i,
+the first components of x_i are prescribed and the others free.  The unknowns of the whole body are
+then x with y = Q x, A = Q^T K Q and b = Q^T f, and supports are eliminated as if they were along
+the axes.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ from signorini_fx.tuned import ROOT_OF_EPS
 
 @dataclass(frozen=True)
 class SkewSupport:
-    """A normal displacement on a flat boundary across no axis: its effect, and the position of that
-    in ``scene.displacement``, m nodes, local numbers, ghosts included, the outward unit normal,
-    shape (d,), and n . y at the nodes, length, shape (m,).
+    """A normal displacement that is prescribed on a flat boundary not perpendicular to an axis.
+
+    It has the entry of the scene, its position in ``scene.displacement``, the local numbers of m
+    nodes, ghosts included, the outward unit normal, shape (d,), and n . y at the nodes, length,
+    shape (m,).
     """
 
     effect: Displacement
@@ -36,15 +39,15 @@ class SkewSupport:
 
 @dataclass(frozen=True)
 class TurnedNodes:
-    """The nodes of this rank with a ``SkewSupport``, m of them, ghosts included.
+    """The m nodes of this rank, ghosts included, that have a ``SkewSupport``.
 
     Attributes:
         nodes: local numbers, shape (m,), in order.
         frames: Q_i, one direction per column, shape (m, d, d).
         fixed: which components in the frame are prescribed, shape (m, d).
-        from_given: from what the supports prescribe to y_i, shape (m, d, d + s): the components
-            along the axes, then along the normals of the s skew supports.
-        supports: the skew supports, s of them.
+        from_given: matrix from the prescribed values to y_i, shape (m, d, d + s): the components
+            along the axes, then those along the normals of the s skew supports.
+        supports: the s skew supports.
     """
 
     nodes: Indices
@@ -55,10 +58,12 @@ class TurnedNodes:
 
     @classmethod
     def of(cls, supports: Sequence[SkewSupport], axes: Ints) -> TurnedNodes:
-        """Return the frames of all nodes with skew supports, of which there is one.
+        """Return the frames of all nodes of the skew supports, of which there is at least one.
 
-        ``axes``: position in ``scene.displacement`` of the support that prescribes each component,
-            -1 where none does, ghosts included, shape (nodes, d).
+        Args:
+            supports: the skew supports.
+            axes: position in ``scene.displacement`` of the support that prescribes each component,
+                -1 where none does, ghosts included, shape (nodes, d).
         """
         dim = axes.shape[1]
         nodes = np.unique(np.concatenate([support.nodes for support in supports]))
@@ -77,8 +82,12 @@ class TurnedNodes:
         return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
 
     def place(self, y: Array, active: Sequence[Effect]) -> None:
-        """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which
-        have what supports along the axes prescribe.
+        """Add what skew supports prescribe to nodal displacements, in place.
+
+        Args:
+            y: displacements, shape (nodes, d), which already have the values of supports along the
+                axes.
+            active: the supports that act; the others prescribe zero.
         """
         given = np.zeros((len(y), y.shape[1] + len(self.supports)))
         given[:, : y.shape[1]] = y
@@ -88,8 +97,8 @@ class TurnedNodes:
         y[self.nodes] = matvec(self.from_given, given[self.nodes])
 
     def frames_at(self, nodes: Integers) -> Array:
-        """Return the frame of each of some nodes, the axes where it is not turned, shape (n, d,
-        d).
+        """Return the frames of some nodes, shape (n, d, d); the identity at nodes without a skew
+        support.
         """
         frames = np.tile(np.eye(self.frames.shape[1]), (len(nodes), 1, 1))
         turned = np.isin(nodes, self.nodes)
@@ -98,8 +107,14 @@ class TurnedNodes:
 
 
 def _frame(directions: Array, prescribes: Ints) -> tuple[Array, int, Array]:
-    """Return the frame of a node, how many components are prescribed, and its motion: later
-    supports apply before earlier.
+    """Return the frame of a node, the number of prescribed components, and the matrix from
+    prescribed values to its displacement.
+
+    If supports contradict each other the later one in the scene wins.
+
+    Args:
+        directions: the axes, then the normals of the skew supports, one per row.
+        prescribes: position of the support that prescribes each direction, -1: none does.
     """
     identity = np.eye(len(directions))
     free = np.eye(directions.shape[1])
