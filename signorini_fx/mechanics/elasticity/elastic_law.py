@@ -1,9 +1,9 @@
-"""The elastic law of a body on its mesh: all that assembles, shows and judges a stress asks it, and
-knows no kind.
+"""The elastic law of a body on its mesh, with one interface for all that assembles, shows or checks
+a stress.
 
-Two laws have the displacement as their only unknown: that of isotropic materials, whose change of
-volume may be integrated with fewer points, and that of others, by the stiffness in each cell.
-Another one adds a pressure.
+Two laws have the displacement as their only unknown: that of isotropic materials, whose volumetric
+term may be integrated with fewer points, and that of other materials, with a stiffness for each
+cell.  A third one has a pressure as a further unknown (``mixed_pressure``).
 """
 
 from __future__ import annotations
@@ -35,26 +35,29 @@ Interpolation = tuple[fem.Function, fem.Expression]
 
 @dataclass(frozen=True)
 class ElementStress:
-    """The stress of a displacement that the elements work with, as UFL, and what follows from its
-    law: everything that shows or judges a stress takes it from here.
+    """The stress of a displacement as UFL, as the stiffness sees it, and quantities of its law.
+
+    Everything that shows or checks a stress takes it from here.
     """
 
     displacement: fem.Function  # y, whose values may change
     kinematics: Kinematics  # of the displacement
-    in_space: Expr  # shape (3, 3); of the displacement at the time of the last ``refresh``
-    # From the components tau of a difference of stresses: C^-1 tau : tau.
+    in_space: Expr  # the stress, shape (3, 3), up to date after ``refresh``
+    # Returns C^-1 tau : tau from the components tau of a difference of stresses.
     compliance: Callable[[Expr], Expr]
     modulus: Expr | None  # the largest normal stress per strain, lambda + 2 mu
-    # mu, the mean one of an orthotropic material; None: the body is not known to be isotropic
+    # mu, of an orthotropic material a mean; None: the body is not known to be isotropic
     shear_modulus: Coefficient | None
-    interpolated: Sequence[Interpolation] = ()  # what it does not see of the displacement itself
+    # Functions in the stress that must be interpolated from the displacement.
+    interpolated: Sequence[Interpolation] = ()
     # The cells of each part within which the stress has no jumps, local numbers, ghosts included.
     parts: Sequence[Indices] = ()
-    move: Callable[[float], None] = lambda place: None  # takes jumps and initial strains to a place
+    # Sets jumps and initial strains to a place in the lists of factors.
+    move: Callable[[float], None] = lambda place: None
 
     def refresh(self, step: float) -> None:
-        """Take from the displacement anew what the stress does not see of it, on all cells of this
-        rank, at a place.
+        """Update interpolated functions from the displacement, on all cells of this rank, with
+        jumps and initial strains at a place in the lists of factors.
         """
         self.move(step)
         for function, expression in self.interpolated:
@@ -62,30 +65,34 @@ class ElementStress:
 
     @property
     def around(self) -> Expr:
-        """Return the factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
+        """The factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
         return self.kinematics.measure(position(self.displacement))
 
     @property
     def sigma(self) -> Expr:
-        """Along the axes of the displacement, shape (d, d)."""
+        """The stress along the axes of the displacement, UFL, shape (d, d)."""
         axes = range(self.kinematics.dimension)
         return ufl.as_matrix([[self.in_space[i, j] for j in axes] for i in axes])
 
     @property
     def components(self) -> Expr:
-        """Return the components of the strain that the strain energy contains, shape (m,)."""
+        """The components ``Kinematics.stressed`` of the stress, UFL, shape (m,)."""
         return ufl.as_vector([self.in_space[pair] for pair in self.kinematics.stressed])
 
     def squared(self, difference: Expr, times: Expr, dx: ufl.Measure) -> ufl.Form:
-        """Return the form of C^-1 tau : tau for a difference of stresses, its ``components``, times
-        a factor.
+        """Return the form of C^-1 tau : tau times a factor.
+
+        Args:
+            difference: tau, a difference of stresses by its ``components``.
+            times: the factor.
+            dx: the measure.
         """
         within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
         return times * self.compliance(within) * self.around * dx
 
 
 def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
-    """Return a displacement, and the pressure that its law has found with it."""
+    """Return the displacement, and with a mixed element its pressure too."""
     return (
         (displacement, displacement.hydrostatic)
         if hasattr(displacement, "hydrostatic")
@@ -95,7 +102,7 @@ def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
 
 @dataclass(frozen=True)
 class SceneLaw:
-    """The law of the materials of a scene; its methods are collective."""
+    """The elastic law of the materials of a scene; its methods are collective."""
 
     pressed: ClassVar[bool] = (
         False  # whether a pressure is an unknown too, so that the matrix is indefinite
@@ -104,51 +111,60 @@ class SceneLaw:
     statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace  # of the displacement
-    # Lame parameters as coefficients, of materials that are not isotropic their means
+    # Lame parameters as coefficients; for materials that are not isotropic some mean of them
     lame: tuple[Coefficient, Coefficient]
-    stiffness: CellwiseStiffness | None = None  # where a material is not isotropic; None: all are
+    stiffness: CellwiseStiffness | None = None  # None: all materials are isotropic
     reduced: int | None = (
         None  # quadrature degree of the volumetric term where it is reduced, else None
     )
 
     @property
     def kinematics(self) -> Kinematics:
-        """Return the kinematics of the body."""
+        """The kinematics of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
     @cached_property
     def degree(self) -> int:
-        """Return the degree of the quadrature of a(., .); collective."""
+        """The quadrature degree of a(., .)."""
         return strain_degree(self.space, self.kinematics)
 
     def displacement(self) -> fem.Function:
-        """Return a displacement, zero so far."""
+        """Return a new displacement, zero, which may carry further unknowns."""
         return fem.Function(self.space, name="displacement")
 
     @property
     def uniform_strain(self) -> Expr:
-        """The initial strain of one, UFL, shape (3, 3)."""
+        """The strain tensor of a unit initial strain, UFL, shape (3, 3)."""
         return self.kinematics.uniform_strain
 
     def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
-        """Return the stress of a strain, UFL, both of shape (3, 3), as a sum: each part with the
-        quadrature degree of its work where it is reduced, else None.
+        """Return the stress of a strain as a sum of parts, UFL, shape (3, 3).
+
+        Each part comes with the quadrature degree of its work, None if that is not reduced.
         """
         raise NotImplementedError
 
     def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
-        """Return the stress of a displacement, which jumps have ``moved``, with initial strains,
-        None without any, UFL.
+        """Return the stress of a displacement.
+
+        Args:
+            y: the displacement.
+            moved: the displacement with jumps across sections, UFL.
+            initial: the initial strain, UFL; None: none.
         """
         raise NotImplementedError
 
     def elastic(
         self, y: Expr | None, initial: Expr | None, *, on_axis: bool = False, apart: bool = False
     ) -> Expr:
-        """Return the strain of a displacement, None: zero, without the initial one, None: zero,
-        UFL, shape (3, 3).
+        """Return the elastic strain: that of a displacement minus the initial strain, UFL, shape
+        (3, 3).
 
-        ``apart``: whether it is that of the reduced part, at its points.
+        Args:
+            y: the displacement; None: zero.
+            initial: the initial strain; None: zero.
+            on_axis: whether limits are needed where x[0] = 0, see ``Kinematics.gradient``.
+            apart: whether it is for the reduced part, at the points of its rule.
         """
         if y is None:
             strain = ufl.zero(3, 3)
@@ -159,19 +175,22 @@ class SceneLaw:
         return strain if initial is None else strain - initial * self.uniform_strain
 
     def _strains(self, y: Expr | None, initial: Expr | None = None) -> tuple[Expr, Expr]:
-        """Return strains of the whole and of the reduced part, see ``elastic``."""
+        """Return the elastic strain for the full and for the reduced part, see ``elastic``."""
         return self.elastic(y, initial), self.elastic(y, initial, apart=True)
 
     # --- works, as terms to be compiled one by one ---
 
     def terms(self, y: Expr, z: Expr) -> tuple[ufl.Form, ...]:
-        """a(y, z) on displacements, UFL."""
+        """Return the terms of a(y, z), UFL."""
         return self._work(self._strains(y), self._strains(z), self.degree)
 
     def strain_terms(self, z: Expr, strain: Expr, degree: int) -> tuple[ufl.Form, ...]:
-        """Return the terms of an initial strain, see ``assembled``.
+        """Return the terms of the load of an initial strain, see ``assembled``.
 
-        ``degree``: of the quadrature.
+        Args:
+            z: the test function.
+            strain: the initial strain.
+            degree: of the quadrature.
         """
         return self._work((strain * self.uniform_strain,) * 2, self._strains(z), degree)
 
@@ -184,17 +203,24 @@ class SceneLaw:
     ) -> tuple[ufl.Form, ...]:
         """Return the terms of the work of the stress of y on z.
 
-        ``moved``: y with jumps, if any.
+        Args:
+            y: the displacement.
+            z: the test function.
+            moved: y with jumps; None: there are none.
         """
         return self.terms(y if moved is None else moved, z)
 
     def initial_terms(
         self, z: Expr, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """Return the terms of the load by the stress of initial strains and of jumps of the
-        displacement that are prevented, or None if there are none.
+        """Return the terms of the load from initial strains, and from jumps of the displacement;
+        empty without both.
 
-        ``degree``: of the quadrature of the strains.
+        Args:
+            z: the test function.
+            jump: the jump of the displacement; None: none.
+            strain: the initial strain; None: none.
+            degree: quadrature degree of the strain terms.
         """
         free = () if strain is None else self.strain_terms(z, strain, degree)
         return [*free, *(() if jump is None else (-term for term in self.terms(jump, z)))]
@@ -202,8 +228,10 @@ class SceneLaw:
     def prevented_terms(
         self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """Return the energy of that stress: what is missing in that of ``force_terms`` on y less
-        their load.
+        """Return the energy of the stress of prevented initial strains and jumps.
+
+        The strain energy is the work ``force_terms`` of y on itself, halved, minus the load of
+        these, plus this constant.
         """
         degree = degree if jump is None else max(degree, self.degree)
         prevented = self._strains(jump, strain)
@@ -212,15 +240,21 @@ class SceneLaw:
     def dilation_terms(
         self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """Return the residual of the law of a pressure, tested with its functions, and at last the
-        integrals of these.
+        """Return the residual of the volumetric law of a pressure, tested with its functions, and
+        as the last term the integrals of these functions.
         """
         raise NotImplementedError
 
     def _work(
         self, strains: tuple[Expr, Expr], tested: tuple[Expr, Expr], degree: int
     ) -> tuple[ufl.Form, ...]:
-        """Return the work of the stress of such strains on others."""
+        """Return the work of the stress of some strains on tested strains.
+
+        Args:
+            strains: for the full and the reduced part, see ``_strains``.
+            tested: likewise.
+            degree: quadrature degree of the parts that are not reduced.
+        """
         parts = zip(*map(self.parts, strains), strict=True)
         return tuple(
             self._integral(ufl.inner(part, tested[0]), degree)
@@ -230,7 +264,7 @@ class SceneLaw:
         )
 
     def _integral(self, density: Expr, degree: int) -> ufl.Form:
-        """Over the body, with a quadrature of this degree."""
+        """Return the integral of a density over the body, with this quadrature degree."""
         around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
         return (
             density
@@ -239,30 +273,33 @@ class SceneLaw:
         )
 
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
-        """Return the terms of a(., .)."""
+        """Return the compiled terms of a(., .)."""
         terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
         return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
     def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[Array, Array | None]:
-        """Compiled terms of an initial strain or a jump at the owned unknowns of the displacement,
-        and of the pressure,
-        None: there is none.
+        """Return the load vector of an initial strain or a jump, at the owned unknowns of the
+        displacement and at those of the pressure; the second is None without a pressure.
+
+        Args:
+            forms: the compiled terms.
+            owned: number of owned dofs of the displacement.
         """
         return sum((assemble(form) for form in forms), np.zeros(owned)), None
 
 
 @dataclass(frozen=True)
 class IsotropicLaw(SceneLaw):
-    """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees
-    it.
+    """The isotropic law sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as
+    the stiffness sees it.
 
-    Both strains are without the initial one, and with the jumps across sections.  Without reduced
-    integration theta is tr(epsilon).  A reduced volumetric term sees tr(epsilon) at the points of
-    its rule only.  Between them it may have any value, and lambda times it is any multiple of the
-    true stress if Poisson's ratio is near 1/2.  There theta is interpolated between these points:
-    constant in a cell with one point, bilinear or trilinear with two along each axis.  This is the
-    pressure of the method with two fields that reduced integration is equivalent to (Malkus and
-    Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
+    Initial strains are subtracted from both strains, and jumps across sections are added.  Without
+    reduced integration theta is tr(epsilon).  A reduced volumetric term uses tr(epsilon) at the
+    points of its rule only; elsewhere tr(epsilon) may have any value, and lambda times it may be
+    any multiple of the true stress if Poisson's ratio is near 1/2.  Therefore theta is interpolated
+    between these points: constant in a cell with one point, bilinear or trilinear with two along
+    each axis.  This is the pressure of the method with two fields that reduced integration is
+    equivalent to (Malkus and Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
     """
 
     def parts(self, strain: Expr) -> list[tuple[Expr, int | None]]:
@@ -299,7 +336,7 @@ class IsotropicLaw(SceneLaw):
 
 @dataclass(frozen=True)
 class CellwiseLaw(SceneLaw):
-    """The elastic law with a stiffness for each cell."""
+    """The elastic law with a stiffness matrix for each cell."""
 
     stiffness: CellwiseStiffness
 
@@ -312,7 +349,7 @@ class CellwiseLaw(SceneLaw):
         return [(self._tensor(ufl.dot(self.stiffness.stiffness, strains)), None)]
 
     def _tensor(self, values: Expr) -> Expr:
-        """Return a tensor from its components, UFL, shape (3, 3)."""
+        """Return the tensor with these components, UFL, shape (3, 3)."""
         at = {
             pair: k
             for k, (i, j) in enumerate(self.kinematics.stressed)
@@ -337,9 +374,18 @@ def cellwise_stress(
     moduli: Array,
     shear_modulus: Coefficient | None,
 ) -> ElementStress:
-    """Return the stress in 3D by moduli that are constant in each cell: components of the stress,
-    see ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m,
-    m); a LinAlgError on all ranks where some strain has no stress; collective.
+    """Return the stress for moduli that are constant in each cell; collective.
+
+    Args:
+        y: the displacement.
+        kinematics: of the body.
+        sigma: its stress, UFL, shape (3, 3).
+        moduli: matrix from strain to stress in each cell, components ``Kinematics.pairs`` with
+            shear strains 2 epsilon_ij, shape (cells, m, m).
+        shear_modulus: mu; None: the body is not known to be isotropic.
+
+    Raises:
+        LinAlgError: a matrix is singular on some rank.
     """
     mesh = y.function_space.mesh
     dim = y.function_space.mesh.geometry.dim
@@ -371,9 +417,15 @@ def compliance(
     mu: Coefficient,
     poisson: Coefficient | float = 0.5,
 ) -> Expr:
-    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see
-    ``Kinematics.pairs``; without the first Lame parameter, which may be infinite, it follows from
-    Poisson's ratio, but not in plane stress.
+    """Return C^-1 tau : tau of an isotropic body, UFL.
+
+    Args:
+        tau: components of a stress, see ``Kinematics.pairs``.
+        kinematics: of the body.
+        lame: first Lame parameter; None: it may be infinite, and Poisson's ratio is used, which
+            does not cover plane stress.
+        mu: shear modulus.
+        poisson: Poisson's ratio, used without ``lame``.
     """
     normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
     trace = sum(normal[1:], normal[0])
@@ -387,8 +439,8 @@ def compliance(
 
 
 def element_at_points(cell: str, degree: int) -> AbstractFiniteElement:
-    """Return the discontinuous element whose nodes are the points of a Gauss rule: one point, or
-    two along each axis.
+    """Return the discontinuous element whose nodes are the points of a Gauss rule: one point for
+    degree 1, else two along each axis.
     """
     if degree == 1:
         return basix.ufl.element("DG", cell, 0)

@@ -1,15 +1,13 @@
-"""The pressure of a mixed element: a field of degree 1, whose unknowns follow those of the
-displacement.
+"""The pressure of a mixed element: a field of degree 1 that is a further unknown.
 
-It is continuous within each material: of several it has one component for each, which counts in the
-cells of this material alone.  The unknowns (y, p) of the body have
+It is continuous within each material: with several materials it has one component for each, which
+is used in the cells of this material alone.  The unknowns (y, p) of the body have
 
     K = [A B^T; B -C],   b = [f; -B y_D - s],
 
-symmetric and indefinite, with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s
-of initial strains. The unknowns of the pressure are multiples of Young's modulus over the spacing
-of the nodes, so that the blocks have entries of one size, which a factorisation that does not scale
-needs.
+symmetric and indefinite, with C = 0 for nu = 1/2, prescribed displacements y_D, and the term s of
+initial strains.  The unknowns of the pressure are scaled by Young's modulus over the spacing of the
+nodes, so that all blocks have entries of one size: a factorisation without scaling needs that.
 """
 
 from __future__ import annotations
@@ -48,12 +46,12 @@ from signorini_fx.tuned import NOTHING_LEFT
 
 
 class MixedDisplacement(fem.Function):
-    """The displacement of a mixed element, with the pressure that belongs to it.
+    """The displacement of a mixed element, together with its pressure.
 
     Attributes:
         hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive
-            in compression; of several materials discontinuous between cells.  With initial strains
-            see ``MixedLaw.strain_terms``.
+            in compression; discontinuous between cells if there are several materials.  With
+            initial strains see ``MixedLaw.strain_terms``.
     """
 
     def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function) -> None:
@@ -63,15 +61,16 @@ class MixedDisplacement(fem.Function):
 
 @dataclass(frozen=True)
 class MixedLaw(SceneLaw):
-    """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the
-    stress out of the plane as well.
+    """The law sigma = 2 mu epsilon - p I with the pressure p as an unknown.
+
+    In plane strain -p is the stress across the plane as well.
     """
 
     pressed = True
 
     @cached_property
     def own(self) -> fem.FunctionSpace:
-        """Return the space of the pressure, with m unknowns at each vertex for m materials."""
+        """The space of the pressure, with m unknowns at each vertex for m materials."""
         element = ("Lagrange", 1, (self._materials,)) if self._materials > 1 else ("Lagrange", 1)
         return fem.functionspace(self.tagged.mesh, element)
 
@@ -89,24 +88,31 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def _component(self) -> fem.Function:
-        """1 in the component of the material of each cell, 0 in the others."""
+        """The indicator vector of the material of each cell: 1 in its component, 0 in the
+        others.
+        """
         space = fem.functionspace(self.tagged.mesh, ("DG", 0, (self._materials,)))
         indicator = fem.Function(space)
         indicator.x.array.reshape(-1, self._materials)[space.dofmap.list[:, 0], self._part] = 1.0
         return indicator
 
     def _pressure(self, q: Expr) -> Expr:
-        """Return a function or an argument of ``own`` as a pressure, UFL."""
+        """Return the pressure, UFL, from a function or an argument of ``own``."""
         return q if self._materials == 1 else ufl.inner(self._component, q)
 
     @property
     def _rows(self) -> Indices:
-        """The unknowns of the pressure in each cell of this rank, shape (cells, vertices)."""
+        """The local numbers of the pressure unknowns of each cell of this rank, shape (cells,
+        vertices).
+        """
         return self.own.dofmap.list * self._materials + self._part[:, None]
 
     def _over_cells(self, values: Array) -> Array:
-        """Return the mean of values in cells, shape (cells, vertices), at each owned unknown of the
-        pressure; collective.
+        """Return the mean over adjacent cells of values at cell vertices, at each owned unknown of
+        the pressure; collective.
+
+        Args:
+            values: shape (cells, vertices).
         """
         sums = [fem.Function(self.own) for _ in range(2)]
         for function, added in zip(sums, (values, np.ones(values.shape)), strict=True):
@@ -116,8 +122,8 @@ class MixedLaw(SceneLaw):
         return total / np.maximum(times, 1.0)
 
     def _coefficient(self, number: Callable[[Array | float, float], npt.ArrayLike]) -> Coefficient:
-        """Return a number from Young's modulus, a float or an array, and Poisson's ratio, as a
-        coefficient.
+        """Return a coefficient that is computed from Young's modulus, a float or an array, and
+        Poisson's ratio.
         """
 
         def of_material(one: Material, share: Array | float) -> tuple[npt.ArrayLike]:
@@ -129,18 +135,20 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def _yields(self) -> Coefficient:
-        """1 / lambda."""
+        """The compressibility 1 / lambda."""
         return self._coefficient(lambda young, nu: (1 + nu) * (1 - 2 * nu) / (young * nu))
 
     @cached_property
     def unit(self) -> float:
-        """Return the unit of the unknowns of the pressure, a stress."""
+        """Young's modulus over the spacing of the nodes, stress per length; a pressure is this
+        factor times its unknown.
+        """
         scales = Scales(self.tagged.dimension, self.statement.young, self.tagged.size)
         return self.statement.young / float(scales.spacing(self.space.dofmap.index_map.size_global))
 
     @property
     def count(self) -> int:
-        """Unknowns of the pressure that this rank owns."""
+        """The number of pressure unknowns that this rank owns."""
         return int(self.own.dofmap.index_map.size_local) * self._materials
 
     @cached_property
@@ -161,8 +169,8 @@ class MixedLaw(SceneLaw):
         return [(2 * self.lame[1] * strain, None)]
 
     def _constraint(self, y: Expr, p: Expr) -> tuple[ufl.Form, ...]:
-        """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in
-        multiples of a unit.
+        """Return the terms of B and -C for a displacement and pressure unknowns p = -lambda
+        tr(epsilon), in multiples of ``unit``.
 
             2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
 
@@ -186,12 +194,14 @@ class MixedLaw(SceneLaw):
         return (self._integral(self._swelling * strain * q, degree),)
 
     def jump_terms(self, jump: fem.Function, z: Expr) -> tuple[ufl.Form, ...]:
-        """Return the second one is of the change of volume."""
+        """Return the terms of a jump; the last one is its change of volume, tested with the
+        pressure.
+        """
         dilation = ufl.tr(self.kinematics.strain(jump)) * self._pressure(ufl.TestFunction(self.own))
         return *self.terms(jump, z), self._integral(-dilation, self.degree)
 
     def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[Array, Array | None]:
-        """Return the assembled forces: a strain acts on the pressure alone, a jump on displacement
+        """Return the load vectors: initial strains act on the pressure alone, jumps on displacement
         and pressure.
         """
         *of_displacement, of_pressure = forms
@@ -206,7 +216,7 @@ class MixedLaw(SceneLaw):
     def initial_terms(
         self, z: Expr, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """Return the terms of jumps; strains act on the pressure alone."""
+        """Return the terms of jumps; initial strains act on the pressure alone."""
         return super().initial_terms(z, jump, None, degree)
 
     def prevented_terms(
@@ -241,9 +251,7 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def _swelling(self) -> Coefficient:
-        """Return the change of volume that an initial strain of one causes in the constraint, (1 +
-        nu) / nu.
-        """
+        """The factor (1 + nu) / nu by which an initial strain enters the constraint."""
         return self._coefficient(lambda _, nu: (1 + nu) / nu)
 
     def stress(self, y: fem.Function, moved: Expr, initial: Expr | None) -> ElementStress:
@@ -264,13 +272,14 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def divergence(self) -> PETSc.Mat:
-        """B, from displacements at the nodes."""
+        """The matrix B, from nodal displacements."""
         return self._matrix(1)
 
     @cached_property
     def compressibility(self) -> PETSc.Mat:
-        """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like
-        those of B.
+        """The matrix -C, with its pattern even if it is zero.
+
+        Pressure unknowns without a cell of their material have a diagonal entry of the size of B.
         """
         matrix = self._matrix(2)
         if self._materials > 1:
@@ -283,10 +292,16 @@ class MixedLaw(SceneLaw):
     def joined(
         self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: Flags
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
-        """K, from A without prescribed rows and columns, and what turns its unknowns into
-        displacements, with and without rigid bodies, of which there are none.
+        """Return K, and twice the matrix from its unknowns to displacements: with and without rigid
+        bodies, which a mixed element does not have.
 
-        ``rotation``: from those of A, None: they are the same.
+        Args:
+            stiffness: A with zero rows and columns at prescribed dofs.
+            rotation: from the unknowns of A to displacements; None: they are the same.
+            fixed: which owned dofs are prescribed.
+
+        Raises:
+            InstallationError: PETSc has no MUMPS.
         """
         if not has_package("mumps"):
             raise needs_fenicsx(
@@ -308,8 +323,12 @@ class MixedLaw(SceneLaw):
         return matrix, displacements, displacements
 
     def lifted(self, prescribed: Array, pressure_load: Array | None = None) -> Array:
-        """Return the load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an
-        ``AppliedLoad``.
+        """Return the right-hand side -B y_D of the pressure unknowns, minus the term of initial
+        strains.
+
+        Args:
+            prescribed: y_D, shape (dofs,).
+            pressure_load: see ``AppliedLoad``; None: zero.
         """
         displacement, divergences = self.divergence.createVecs()
         displacement.getArray()[:] = prescribed[: displacement.getLocalSize()]
@@ -318,7 +337,11 @@ class MixedLaw(SceneLaw):
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
     def displacement(self, values: Array | None = None) -> MixedDisplacement:
-        """Return a displacement, zero so far, with the values of the pressure, None: zero."""
+        """Return a new displacement, zero, with these pressure unknowns.
+
+        Args:
+            values: the owned pressure unknowns; None: zero.
+        """
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         if values is not None:
             pressure.x.array[: self.count] = self.unit * values
@@ -332,7 +355,7 @@ class MixedLaw(SceneLaw):
         return MixedDisplacement(self.space, pressure)
 
     def unknowns(self, displacement: fem.Function) -> Array:
-        """Return the unknowns of the pressure that belong to a displacement, shape (count,)."""
+        """Return the owned pressure unknowns of a displacement, shape (count,)."""
         pressure = fields_of(displacement)[1]
         values = pressure.x.array[: self.count]
         if self._materials > 1:
@@ -340,10 +363,12 @@ class MixedLaw(SceneLaw):
         return values / self.unit
 
     def encloses(self, vector: Callable[[Array], PETSc.Vec], held: Flags) -> bool:
-        """Return whether what is ``held`` lets no part of one material with nu = 1/2 change its
-        volume, so that constant pressures do no work.
+        """Return whether supports prevent every change of volume of some part with nu = 1/2, so
+        that a constant pressure there does no work.
 
-        ``vector``: see ``Model``.
+        Args:
+            vector: see ``Model.vector``.
+            held: which unknowns are held, by supports or contact.
         """
         part = self._part
         pieces = find_pieces(self.space.mesh)

@@ -1,6 +1,7 @@
-"""The numbers of the materials on the mesh: cell by cell where there are several, or axes.
+"""The moduli of the materials on the mesh: cell by cell if there are several materials, gradings or
+axes.
 
-Stress and strain are vectors of the components ``Kinematics.stressed``, of shear strains twice
+Stress and strain are vectors of the components ``Kinematics.stressed``, with shear strains 2
 epsilon_ij.
 """
 
@@ -24,12 +25,12 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_IN_SOLUTION
 
-# A number of the materials on the mesh: of one material a constant, of several a function.
+# A material parameter on the mesh: a constant for one material, a function for several.
 Coefficient = fem.Constant | fem.Function
 
 
 def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
-    """Refuse cells in no region that has a material, or in several; collective."""
+    """Raise an error if some cells are in no region with a material, or in several; collective."""
     regions = [material.region for material in statement.material]
     if None in regions:  # all of the body
         return
@@ -59,9 +60,14 @@ def of_materials(
     tagged: TaggedMesh,
     numbers: Callable[[Material, Array | float], tuple[npt.ArrayLike, ...]],
 ) -> tuple[Coefficient, ...]:
-    """Return numbers of the materials: constants of one material, cell-wise functions of several
-    and of graded ones; ``numbers`` gives them from a material and the values of its grading in its
-    cells; collective.
+    """Return coefficients from the data of the materials: constants for one material, cell-wise
+    functions for several or graded ones; collective.
+
+    Args:
+        statement: with the materials.
+        tagged: the mesh.
+        numbers: returns the numbers of a material, multiplied by the values of its grading in its
+            cells.
     """
     mesh = tagged.mesh
     share = graded(statement, tagged)
@@ -81,7 +87,7 @@ def of_materials(
 
 
 def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Coefficient, Coefficient]:
-    """Lame parameters, see ``of_materials``; collective."""
+    """Return the Lame parameters as coefficients, see ``of_materials``; collective."""
     first, second = of_materials(
         statement, tagged, lambda material, share: tuple(share * number for number in material.lame)
     )
@@ -89,8 +95,9 @@ def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Coeffic
 
 
 def middles(tagged: TaggedMesh, cells: Indices) -> Array:
-    """Return the middles of the corners of cells, whose other nodes depend on how curves are drawn,
-    shape (3, n).
+    """Return the mean of the vertices of each cell, shape (3, n).
+
+    Other nodes are not used, because they depend on how curved cells are interpolated.
     """
     mesh = tagged.mesh
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
@@ -99,8 +106,11 @@ def middles(tagged: TaggedMesh, cells: Indices) -> Array:
 
 
 def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
-    """Return the factor of the moduli in each cell, which must be between 0 and 1; None if there is
-    none; collective.
+    """Return the factor of the moduli in each cell, above 0 and at most 1; None if no material is
+    graded; collective.
+
+    Raises:
+        SceneError: a factor is out of range.
     """
     problems = []
     mesh = tagged.mesh
@@ -126,10 +136,17 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
 
 
 def reduced_degree(statement: Statement, mesh: dmesh.Mesh, *, nearly: bool = False) -> int | None:
-    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two
-    points per axis.
+    """Return the quadrature degree of the volumetric term if it is reduced, else None: Q1/P0,
+    P2/P0, Q2 with two points per axis.
 
-    ``nearly``: whether a material keeps its volume otherwise than by its ratio.
+    Args:
+        statement: with materials and element.
+        mesh: the mesh.
+        nearly: whether a material is nearly incompressible for another reason than Poisson's ratio,
+            such as plastic flow.
+
+    Raises:
+        SceneError: reduction is requested for linear triangles or tetrahedra.
     """
     degree = statement.element.degree
     kind = mesh.topology.cell_name()
@@ -150,7 +167,7 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh, *, nearly: bool = Fal
 
 @dataclass(frozen=True)
 class CellwiseStiffness:
-    """The stiffness of all cells, with the axes in their middle."""
+    """The elastic stiffness of each cell, with material axes at its midpoint."""
 
     stiffness: fem.Function  # stresses from strains, see ``Kinematics.stressed``, shape (m, m)
     free_strain: (
@@ -159,8 +176,10 @@ class CellwiseStiffness:
 
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
-    """Return the stiffness of each cell of a scene, whose axes must have directions, and a plane
-    body must stay plane; None if all of its materials are isotropic; collective.
+    """Return the stiffness of each cell; None if all materials are isotropic; collective.
+
+    Raises:
+        SceneError: axes are not orthonormal, or a plane body has no plane of symmetry across x[2].
     """
     if all(material.isotropic for material in statement.material):
         return None
@@ -193,8 +212,8 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
                 )
             )
             continue
-        # Without a stress in all other directions, of which those of shear across a plane body are
-        # apart.
+        # All other stresses are zero, so the compliance is restricted to ``rows`` and inverted; the
+        # shears across a plane body are decoupled.
         at_cells[moduli.function_space.dofmap.list[cells, 0]] = np.linalg.inv(
             np.linalg.inv(whole)[:, rows][:, :, rows]
         )
@@ -210,7 +229,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
 
 
 def _fault_of_axes(axes: Array, count: int, words: str) -> str:
-    """Return what is wrong with the axes of ``count`` cells on this rank; "": nothing."""
+    """Return what is wrong with the axes of ``count`` cells on this rank; "" if nothing is."""
     if axes.shape != (count, 3, 3):
         return f"axes of {words} must have the shape (n, 3, 3) for points of the shape (3, n)"
     if not np.isfinite(axes).all():
@@ -224,8 +243,8 @@ def _fault_of_axes(axes: Array, count: int, words: str) -> str:
 
 
 def _turned(axes: Array) -> Array:
-    """Turns a stress, its transpose a strain back, shape (cells, 6, 6) (Bond, Bell Syst. Tech. J.
-    22 (1943) 1).
+    """Return matrices that rotate stresses from material axes to the coordinate axes, shape (cells,
+    6, 6); their transposes rotate strains back (Bond, Bell Syst. Tech. J. 22 (1943) 1).
     """
     bond_matrices = np.empty((len(axes), 6, 6))
     for p, (i, j) in enumerate(PAIRS):
