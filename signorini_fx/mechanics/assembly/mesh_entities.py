@@ -19,8 +19,8 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.tuned import ROOT_OF_EPS
 
-# Let compilers reorder sums and so vectorise them: in 3D this halves the time, and the results differ
-# by round-off.
+# Let compilers reorder sums and so vectorise them: in 3D this halves the time, and the results
+# differ by round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
 
 # The attribute of a function space that caches the positions of its nodes.

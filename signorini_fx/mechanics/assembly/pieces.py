@@ -26,8 +26,8 @@ from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 
-# A mesh with more pieces is refused: its cells do not share their nodes, and rigid motions are dense
-# objects of this size.
+# A mesh with more pieces is refused: its cells do not share their nodes, and rigid motions are
+# dense objects of this size.
 MOST_PIECES = 200
 # The pieces of each mesh that still exists.
 _known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
