@@ -1,6 +1,6 @@
-"""The effects: of each its keys, its form, and what is said of it; ``scenes.scene.Scene`` has their
-keys.
+"""The effects (loads, supports, contact, materials): the keys of each, its form, and its error
+messages.
 
-A file may import ``ufl`` within its methods only.  It knows no mesh, no matrix and no result:
-``loads.load_vectors`` makes load vectors of densities.
+``scenes.scene.Scene`` collects their keys.  A file here imports ``ufl`` within methods only, and
+uses no mesh, matrix or result: ``loads.load_vectors`` integrates densities to load vectors.
 """

@@ -1,7 +1,7 @@
-"""Cohesion of a contact: a bond of both sides that softens and tears, with damage that stays.
+"""Cohesion of a contact: a bond of both sides that softens and tears; damage is permanent.
 
-What it does in a load step is in ``mechanics.body.cohesion``, which is imported where one is
-solved.
+What it does in a load step is in ``mechanics.body.cohesion``, which is imported only when such a
+step is solved.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ _NOT_CONVEX = "is not possible with cohesion: bonds that soften have no convex e
 
 
 class Cohesion(ContactPart):
-    """A bond of both sides of a contact that touch at first; it softens once its tractions reach
-    its strength, and has torn when it has taken its energy.  The friction of the contact acts on
-    the share that is broken.
+    """A bond between the sides of a contact where they touch at first.
+
+    It softens once its tractions reach its strength, and has torn when its energy is spent.  The
+    friction of the contact acts on the broken share.
 
     Attributes:
         strength: against opening, stress; 0: there is no bond.
-        energy: that opening takes until the bond has torn, stress times length.
-        shear_strength: stress; None: ``strength``.
-        shear_energy: that slip takes; None: ``energy``.
-        exponent: of Benzeggagh and Kenane, for the energy that both together take; needed where
-            both energies differ.
+        energy: spent by opening until the bond has torn, stress times length.
+        shear_strength: against slip, stress; None: ``strength``.
+        shear_energy: spent by slip until the bond has torn; None: ``energy``.
+        exponent: of Benzeggagh and Kenane, for the energy in mixed mode; needed if both energies
+            differ.
         stiffness: of the bond before it softens, stress per length; None: stiff enough.
 
     Examples:
@@ -87,7 +88,7 @@ class Cohesion(ContactPart):
 
     @property
     def parameters(self) -> tuple[Value | None, ...]:
-        """Return the values of ``PARAMETERS``."""
+        """The values of ``PARAMETERS``, in this order, with defaults filled in."""
         shear = self.strength if self.shear_strength is None else self.shear_strength
         energy = self.energy if self.shear_energy is None else self.shear_energy
         return self.strength, shear, self.energy, energy, self.exponent

@@ -1,5 +1,5 @@
-"""Contact with a rigid foundation or another body, and its friction by the laws of ``laws`` or of
-other packages.
+"""Contact with a rigid foundation or another body, with a friction law of ``laws`` or of another
+package.
 """
 
 from __future__ import annotations
@@ -43,21 +43,21 @@ from signorini_fx.mechanics.statement.values import (
 )
 from signorini_fx.tuned import LARGEST_NUMBER
 
-# By their names the classes of friction that follows the speed, of a file that is imported where
-# one of them is named.
+# The classes of friction that depends on the speed, by name; their file is imported only when one
+# of them is used.
 BY_SPEED = {"stribeck": "Stribeck", "speeds": "SpeedTable"}
 _NAMED = ("none", "tresca", "coulomb")
 
 
 def law_by_speed(name: str) -> type[FrictionLaw]:
-    """Return the class of a friction law in ``BY_SPEED``."""
+    """Return the class of a friction law named in ``BY_SPEED``."""
     file = import_module("signorini_fx.mechanics.laws.stribeck")
     kind: type[FrictionLaw] = getattr(file, BY_SPEED[name])
     return kind
 
 
 def _law(entry: object, kinds: ValidatorFunctionWrapHandler) -> FrictionLaw:
-    """Return a friction law from a table; itself if it is one."""
+    """Return the friction law that a table describes; a law is returned unchanged."""
     if isinstance(entry, FrictionLaw):
         return entry
     name = entry.get("law") if isinstance(entry, Mapping) else None
@@ -79,7 +79,7 @@ OneLaw = Annotated[
 
 
 def _joined(names: str | Sequence[str]) -> str | Sequence[str]:
-    """Return the name of several boundaries as one; itself if it is one name."""
+    """Return several boundary names joined to one; a single name is returned unchanged."""
     several = isinstance(names, list | tuple) and len(names) > 0
     return JOIN.join(names) if several and all(isinstance(one, str) for one in names) else names
 
@@ -91,7 +91,7 @@ Joined = Annotated[
 
 
 class Overclosure(Table):
-    """How far contact gives way: pressure = stiffness times overclosure, the length by which one
+    """The compliance of contact: pressure = stiffness times overclosure, the length by which one
     side has entered the other.
 
     Attributes:
@@ -104,8 +104,9 @@ class Overclosure(Table):
 
 
 class GeneralContact(Table):
-    """Contact of all bodies that touch or nearly do, as entries that are made when the mesh is
-    read; those of ``[[contact]]`` come first.
+    """Contact between all bodies that touch or nearly do.
+
+    Its contacts are found when the mesh is read, and follow those of ``[[contact]]``.
 
     Attributes:
         bodies: names of the bodies that may touch each other; default: all.
@@ -133,20 +134,19 @@ class Contact(Effect):
 
     Attributes:
         boundary: name of the boundary where contact may occur.
-        against: name of the boundary of another body that it may touch, or several, which are one
-            with their names joined; its own name: it may touch itself; None: the foundation is
-            rigid.
+        against: name of the boundary of another body that it may touch, or several names, which are
+            joined to one; its own name if it may touch itself; None: the foundation is rigid.
         points: which of both carries the contact points; ``auto``: that of the softer body, or of
             the finer mesh, see ``obstacles.scene_contact``.
-        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie;
-            ``nominal``: zero.
-        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do
-            all that are smaller, overlaps included; None: none does.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``: computed from the
+            meshes; ``nominal``: zero.
+        adjust: between two bodies, distances of the meshes up to this length count as zero,
+            overlaps included; None: none does.
         sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is;
             ``small``: they keep their partners, which is right as long as sides slide by less than
             a facet.
-        reach: between nonlinear bodies that slide, the distance beyond which facets are no
-            partners, length; sides that face each other only later need one; None: as of ``Pair``.
+        reach: between nonlinear bodies that slide, the distance beyond which facets are not paired,
+            length; sides that face each other only later need one; None: as of ``Pair``.
         gap: distance d to the foundation along ``direction``, a length; negative: initial
             penetration; it is added to the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the
@@ -154,19 +154,19 @@ class Contact(Effect):
         foundation: a shape, whose closest points determine gap and direction,
             ``statement.rigid_shape``; None: none.
         friction: the friction law.
-        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: as it
-            makes them.
+        contact_size: length of its facets, on both sides, if gmsh makes the mesh; None: no special
+            size.
         kind: ``unilateral``: Signorini contact (1.1d), the boundary may leave the foundation, but
             not enter it; ``bilateral``: it cannot open, tau_N y = d; ``bonded``: a tie of two
-            bodies, or of a body and a rigid one that forces move: both sides stay together as they
-            lie, wherever the surface of a ``foundation`` is.
-        overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None:
-            not at all, but for ``gamma_n``.
+            bodies, or of a body and a rigid one that forces move: both sides stay together in their
+            initial position, wherever the surface of a ``foundation`` is.
+        overclosure: the compliance of unilateral contact under its pressure, ``Overclosure``; None:
+            contact is rigid, apart from ``gamma_n``.
         wear: its law, ``Archard``; None: contact does not wear.
         cohesion: a bond of both sides that can tear, ``Cohesion``; None: there is none.
-        conductance: of heat, ``Conductance``; None: no heat passes.
-        friction_heat: what friction heats, ``FrictionHeat``; None: nothing.
-        seeping: a fluid that presses where contact opens, ``Seeping``; None: there is none.
+        conductance: heat transfer, ``Conductance``; None: no heat passes.
+        friction_heat: heat from friction, ``FrictionHeat``; None: there is none.
+        seeping: a fluid that enters where contact opens, ``Seeping``; None: there is none.
 
     Examples:
         >>> contact = sfx.Contact(boundary="bottom", gap="0.001*x[0]")
@@ -198,9 +198,7 @@ class Contact(Effect):
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:
-        """Return a scene evaluates the parameters of friction at points, where forms may take
-        UFL.
-        """
+        """Refuse UFL in the parameters of friction: a scene evaluates them at points."""
         wrong = [
             (("friction",), f"{key}: {not_at_points(value)}")
             for key, value in self.friction
@@ -235,7 +233,7 @@ class Contact(Effect):
 
     @property
     def parts(self) -> list[ContactPart]:
-        """Return what happens at the contact beside contact and friction, such as wear."""
+        """The effects of this contact besides friction, such as wear."""
         return [part for _, part in self if isinstance(part, ContactPart)]
 
     def contradictions(self, statement: Stated, number: int) -> Contradictions:
@@ -329,74 +327,76 @@ class Contact(Effect):
 
     @property
     def itself(self) -> bool:
-        """Return whether the boundary may touch itself."""
+        """Whether the boundary may touch itself."""
         return self.against == self.boundary
 
     @property
     def slides(self) -> bool:
-        """Return whether sides of nonlinear bodies may find other partners."""
+        """Whether points of nonlinear bodies may be paired with other facets as the sides slide."""
         return self.sliding == "finite" and not self.bonded
 
     @property
     def at_rest(self) -> Contact:
-        """Return the contact of the body before it is displaced: none of sides that meet later."""
+        """The contact of the undeformed body; it is inactive if the sides meet only after a
+        displacement.
+        """
         if not self.itself and (self.reach is None or not self.opens):
             return self
         nothing = {"against": None, "friction": NoFriction(), "gap": LARGEST_NUMBER}
         return self.model_copy(update=nothing)
 
     def on_sides_of(self, chosen: Contact) -> Contact:
-        """Return the contact with the points on the side that ``chosen`` has them."""
+        """Return the contact with its points on the same side as those of ``chosen``."""
         if chosen.boundary == self.boundary:
             return self
         return self.model_copy(update={"boundary": self.against, "against": self.boundary})
 
     @property
     def opens(self) -> bool:
-        """Return whether the boundary may leave the foundation."""
+        """Whether the boundary may leave the foundation."""
         return self.kind == "unilateral"
 
     @property
     def bonded(self) -> bool:
-        """Return whether both sides stay together in their initial position."""
+        """Whether both sides stay together in their initial position."""
         return self.kind == "bonded"
 
     @property
     def surface(self) -> Shape | None:
-        """Return the foundation, if gap and direction follow from its shape; otherwise None."""
+        """The foundation whose shape determines gap and direction; None if there is none, or a
+        bond.
+        """
         return None if self.bonded else self.foundation
 
     def gap_in(self, dimension: int) -> Value:
-        """Return the gap in a space of a given dimension, length: a number, an expression or a
-        callable of the position.
+        """Return the gap in 2D or 3D, length: a number, an expression or a callable of the
+        position.
         """
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property
     def driven(self) -> Shape | None:
-        """Return the foundation, if its motion is an unknown, see ``statement.rigid_body``;
-        otherwise None.
-        """
+        """The foundation if its motion is unknown, see ``statement.rigid_body``; otherwise None."""
         return self.foundation if getattr(self.foundation, "driven", False) else None
 
     @property
     def moves(self) -> bool:
-        """Return whether the foundation moves with the time."""
+        """Whether the foundation moves with the time."""
         return self.foundation is not None and self.foundation.timed
 
     @property
     def gap_timed(self) -> bool:
-        """Return whether the gap depends on the time."""
+        """Whether the gap depends on the time."""
         return bool(getattr(self.gap, "timed", False))
 
     @property
     def coulomb(self) -> bool:
-        """Return whether the friction bound depends on the contact pressure."""
+        """Whether the friction bound depends on the contact pressure."""
         return self.friction.follows_pressure and self.friction.acts
 
 
 def _without_speed(statement: Stated, number: int) -> Contradictions:
-    """Why there is no speed that friction could follow, or no method that lets it."""
+    """Yield an error if friction depends on the speed of slip, but load steps have no duration."""
     times = statement.load_steps.times
     place = ("contact", number, "friction", "law")
     if times is None or (times[0] <= 0 and not statement.effects.get("inertia")):
@@ -406,7 +406,7 @@ def _without_speed(statement: Stated, number: int) -> Contradictions:
 
 
 def _not_driven(statement: Stated, number: int) -> Contradictions:
-    """Yield the entries that cannot go together with a foundation of unknown motion, and why."""
+    """Yield errors for entries that cannot be combined with a foundation of unknown motion."""
     driven = statement.contact[number].driven
     of_components = {key: getattr(driven, key) or {} for key in ("spring", "velocity")}
     if misfit := driven_twice([contact.driven for contact in statement.contact], number):

@@ -21,20 +21,19 @@ class Displacement(Load):
     Attributes:
         boundary: its name; None: it is prescribed at a point.
         at: the point, which must be a node of the mesh, length.
-        region: of the point: the part of the body whose node is meant; None: there is only one
+        region: part of the body to which the node at the point belongs; None: there is only one
             node.
         x: component along x[0], length.
         y: component along x[1], length.
         z: component along x[2], length; only in 3D, and around the axis of a body that turns about
             it.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
-        rotation: angle of a small rotation, radians, which is added to the components that it
-            moves: it prescribes them, w x (x - c).
+        rotation: angle of a small rotation, radians; w x (x - c) is added to the components that it
+            moves, which are prescribed.
         about: a point c of its axis, length; None: the origin.
         axis: the direction of w, any length; only in 3D; None: x[2]; of a section that turns about
             its axis this one, (0, 1).
-        holds: whether it holds in each load step; in the others nothing is prescribed; None: in
-            all.
+        holds: for each load step, whether the displacement is prescribed in it; None: in all.
         factors: one number per load step; None: 1 in every step.
 
     Examples:
@@ -78,16 +77,14 @@ class Displacement(Load):
         return self
 
     def holds_at(self, step: float) -> bool:
-        """Return whether the support holds at a place in the lists of factors: on the way to a load
-        step as in that step.
+        """Return whether the support acts at a place in the lists of factors; between two load
+        steps it acts as in the later one.
         """
         return self.holds is None or self.holds[max(0, ceil(step))]
 
     @property
     def components(self) -> tuple[Value | None, ...]:
-        """Return the prescribed values along x[0], x[1] and x[2]; None where the displacement is
-        free.
-        """
+        """The prescribed values along x[0], x[1] and x[2]; None where the displacement is free."""
         if self.rotation is None:
             return self.x, self.y, self.z
         a = np.zeros(3)
@@ -111,7 +108,7 @@ class Displacement(Load):
 
     @property
     def acts(self) -> bool:
-        """A displacement that is zero acts as well."""
+        """Always true: a zero displacement is a support as well."""
         return True
 
     @property

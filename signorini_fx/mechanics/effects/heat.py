@@ -1,7 +1,8 @@
-"""Heat in a scene: what brings it into bodies, ``[[heat]]``, and how it passes contact, tables
-within ``[[contact]]``.
+"""Heat in a scene: sources and temperatures of bodies, ``[[heat]]``, and heat transfer through
+contact, tables within ``[[contact]]``.
 
-How it is conducted is in ``mechanics.body.heat``, which is imported where a step is solved.
+How heat is conducted is in ``mechanics.body.heat``, which is imported only when such a step is
+solved.
 """
 
 from __future__ import annotations
@@ -33,17 +34,18 @@ _Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 
 
 class Heat(InitialStrain):
-    """What gives a body its temperature, by which it expands; conduction decides it elsewhere.
+    """A source of heat, or a prescribed temperature; conduction determines it elsewhere, and the
+    body expands with it.
 
     Attributes:
         boundary: name of the boundary where it acts; None: in the body.
         region: name of the part of the body, for a source or a temperature; None: all of it.
-        temperature: that is prescribed.
-        flux: into the body, power per area.
-        film: power per area and difference of the temperature to ``ambient``.
-        ambient: temperature beyond a film.
+        temperature: the prescribed temperature.
+        flux: heat flux into the body, power per area.
+        film: film coefficient, power per area and difference of the temperature to ``ambient``.
+        ambient: temperature outside of a film.
         source: power per volume.
-        factors: must be left out: give values that depend on t.
+        factors: must be left out; give values that depend on t.
 
     Examples:
         >>> warm = sfx.LinearElastic(young=1e3, poisson=0.3, expansion=1e-5, conductivity=2.0)
@@ -96,7 +98,7 @@ class Heat(InitialStrain):
 
     @property
     def timed(self) -> bool:
-        """Temperatures are those of a step."""
+        """Always true: the temperature changes from step to step."""
         return True
 
     @property
@@ -104,7 +106,9 @@ class Heat(InitialStrain):
         return True
 
     def degree(self, element: int) -> int:
-        """Return the quadrature degree for strains of a temperature of the degree of an element."""
+        """Return the quadrature degree for strains of a temperature that has the degree of an
+        element.
+        """
         return 2 * element + 2
 
     def contradictions(self, statement: Stated, number: int) -> Contradictions:
@@ -125,8 +129,9 @@ class Heat(InitialStrain):
             yield ("material", stores.index(True), "specific_heat"), reason
 
     def strain(self, on: BodyCoefficients) -> FieldValue | float:
-        """Return the strain of the temperature, UFL: all entries make it together, the first one
-        has it.
+        """Return the thermal strain, UFL.
+
+        All entries cause one temperature; the first entry returns its strain, the others return 0.
         """
         if on.entries("heat")[0] is not self:
             return 0.0
@@ -135,8 +140,10 @@ class Heat(InitialStrain):
 
 
 class InitialTemperature(Effect):
-    """The temperature at time 0 where heat takes time; where none is given that without strain, and
-    of several at one place the last one applies.
+    """The temperature at time 0 for transient heat conduction.
+
+    Where none is given it is the reference temperature of the material; of several entries at one
+    place the last one applies.
 
     Attributes:
         temperature: its value.
@@ -173,16 +180,17 @@ class _HeatOfContact(ContactPart):
 
 
 class Conductance(_HeatOfContact):
-    """How well heat passes a contact: power per area and difference of temperature,
+    """The thermal conductance of a contact, power per area and difference of temperature:
     ``closed * pressure**exponent`` where it is closed, plus ``open / (gap + length)``.
 
     Attributes:
-        closed: power per area and temperature, with an exponent per its power of the pressure.
+        closed: conductance of closed contact at the pressure 1 (at any pressure if ``exponent`` is
+            0), power per area and temperature.
         exponent: m; 0: closed contact conducts the same at any pressure.
         table: in place of both, rows of pressure and conductance, between which it is linear.
-        open: conductivity of what fills the gap, power per length and temperature.
-        length: of the order of the roughness, added to the gap.
-        temperature: of a rigid foundation, which needs it; not of two bodies.
+        open: conductivity of the medium in the gap, power per length and temperature.
+        length: added to the gap, of the order of the roughness, length.
+        temperature: of a rigid foundation, which needs one; must be left out between two bodies.
 
     Examples:
         >>> joint = sfx.Conductance(20.0, exponent=0.95)
@@ -204,7 +212,7 @@ class Conductance(_HeatOfContact):
     @model_validator(mode="before")
     @classmethod
     def _short(cls, entry: object) -> object:
-        """Return a number is that of closed contact, and a list a table."""
+        """Read a number as the conductance of closed contact, and a list as a table."""
         if isinstance(entry, int | float) and not isinstance(entry, bool):
             return {"closed": entry}
         return {"table": entry} if isinstance(entry, list | tuple) else entry
@@ -249,12 +257,12 @@ class Conductance(_HeatOfContact):
 
 
 class FrictionHeat(_HeatOfContact):
-    """What of the work of friction becomes heat, and where it goes.
+    """The heat from the work of friction, and how both sides share it.
 
     Attributes:
-        fraction: of the work, from 0 to 1.
-        share: of this heat for the side with the contact points, from 0 to 1; the rest goes into
-            the other body or the foundation.
+        fraction: fraction of the work that becomes heat, from 0 to 1.
+        share: fraction of this heat that goes into the side with the contact points, from 0 to 1;
+            the rest goes into the other body or the foundation.
 
     Examples:
         >>> print(sfx.FrictionHeat(1.0, share=0.9).share)

@@ -1,6 +1,6 @@
-"""Inertia in a scene: its time steps, and velocities at the first time.
+"""Inertia in a scene: its time steps, and initial velocities.
 
-What a step is, is in ``mechanics.body.inertia``, which is imported where one is solved.
+The time step itself is in ``mechanics.body.inertia``, which is imported only when one is solved.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class InitialVelocity(Effect):
 
     @property
     def region(self) -> str | None:
-        """The part of the mesh, as other entries call it."""
+        """The part of the mesh, under the name that other entries use."""
         return self.body
 
     def contradictions(self, statement: Stated, number: int) -> Contradictions:
@@ -65,7 +65,7 @@ class InitialVelocity(Effect):
             yield ("initial_velocity", number), "needs inertia = { time_step = ... }"
 
     def velocities(self, x: Array) -> Array:
-        """Return velocities at points of shape (3, n), shape (3, n)."""
+        """Return the velocities at points of shape (3, n), length / time, shape (3, n)."""
         given = {"x": self.x, "y": self.y, "z": self.z}
         moved = Displacement(
             boundary="", **given, rotation=self.rotation, about=self.about, axis=self.axis
@@ -115,11 +115,11 @@ class Inertia(Effect):
 
     @property
     def timed(self) -> bool:
-        """Return whether it goes through the times of load steps."""
+        """Always true: inertia needs the times of load steps."""
         return True
 
     def at_time(self, time: float) -> Self:
-        """Return itself."""
+        """Return the entry unchanged, which has the same values at all times."""
         return self
 
     def time_steps(self, times: Sequence[float]) -> int:

@@ -1,5 +1,5 @@
-"""Loads with a density, changes of temperature, preloads of bolts, and springs: of each its keys,
-and its form.
+"""Forces with a density, point forces, temperature changes, bolt preloads and springs: the keys of
+each, and its form.
 """
 
 from __future__ import annotations
@@ -88,8 +88,8 @@ class Force(VectorForce):
         x: component along x[0], force (in 2D per thickness).
         y: component along x[1], force (in 2D per thickness).
         z: component along x[2], force; only in 3D.
-        spread: to what the force per area is proportional; its integral over the boundary must not
-            be zero.
+        spread: value to which the force per area is proportional; its integral over the boundary
+            must not be zero.
         factors: one number per load step; None: 1 in every step.
 
     Examples:
@@ -105,11 +105,13 @@ class Force(VectorForce):
 
     @cached_property
     def varies(self) -> bool:
-        """The components are those of the total, see ``Effect``."""
+        """Whether the density varies over the boundary; the components are those of the total
+        force.
+        """
         return not isinstance(self.spread, float)
 
     def density(self, on: Coefficients) -> FieldValue:
-        """F s over the integral of s, see ``ForceDensity``."""
+        """Return F s over the integral of s, see ``ForceDensity``, UFL."""
         return super().density(on) * on.value(self.spread) / on.total(self)
 
 
@@ -257,7 +259,7 @@ class PointForce(VectorForce):
 
     Attributes:
         at: a point, which must be a node of the mesh, length.
-        region: of the point: the part of the body whose node is meant; None: there is only one
+        region: part of the body to which the node at the point belongs; None: there is only one
             node.
         x: component along x[0], force (in 2D per thickness, of a body of revolution of the whole
             ring).
@@ -377,7 +379,9 @@ class Springs(Resistance):
         return self
 
     def reaction(self, y: Expr, on: Coefficients) -> Expr:
-        """K y with K = k_n n n^T + k_t (I - n n^T), or diagonal, see ``Resistance``."""
+        """Return K y with K = k_n n n^T + k_t (I - n n^T), or diagonal with stiffnesses along the
+        axes, see ``Resistance``.
+        """
         import ufl
 
         if self.model_fields_set & {"x", "y", "z"}:
@@ -388,22 +392,22 @@ class Springs(Resistance):
 
 
 class Preload(Load):
-    """A section across a bolt, whose two sides are moved towards each other along one direction and
-    are otherwise joined.
+    """A bolt preload: the two sides of a section across the bolt are moved towards each other
+    along one direction, and are otherwise joined.
 
     In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
 
     Attributes:
-        section: name of facets inside the mesh that cut the bolt through in a plane; None: a plane
-            does.
-        region: instead: name of the part of the mesh that a plane cuts; None: all of the body.
-        point: of that plane, length.
-        axis: across that plane, along which the sides move, any length.
+        section: name of plane facets inside the mesh that cut through the bolt; None: ``point`` and
+            ``axis`` give the plane.
+        region: part of the mesh that this plane cuts; None: all of the body.
+        point: a point of the plane, length.
+        axis: normal of the plane, along which the sides move, any length.
         force: tension through the section, force; a number or an expression of the time t.
-        shortening: instead, how far the sides are moved towards each other, length; of the same
-            kinds.
-        locked_after: number of the factors, from 1, after which the length that the force has led
-            to is kept.
+        shortening: in place of a force, how far the sides are moved towards each other, length; a
+            number or an expression of the time t.
+        locked_after: number of the factor, from 1, after which the shortening that the force has
+            led to is kept.
         factors: one number per load step, by which force or shortening are multiplied; None: 1 in
             every step.
 
@@ -475,12 +479,15 @@ class Preload(Load):
             yield (*path, "factors"), "must be positive while the force acts"
 
     def tightens(self, step: float) -> bool:
-        """Return whether its force determines the shortening at a place."""
+        """Return whether the given force determines the shortening at a place in the lists of
+        factors.
+        """
         return self.force is not None and step <= self.locked_after - 1
 
     def shortening_at(self, statement: Statement, step: float) -> float:
-        """Return the shortening at a place in the lists of factors, length; zero for a force until
-        it is found.
+        """Return the shortening at a place in the lists of factors, length.
+
+        For a given force it is that found so far, or zero.
         """
         if self.force is not None:
             found = self.found_at(statement, step)
@@ -488,7 +495,9 @@ class Preload(Load):
         return self.value_at(statement, step)
 
     def found_at(self, statement: Statement, step: float) -> float:
-        """Return the shortening to which its force has led up to a place, length; nan: to none."""
+        """Return the last shortening found for the force up to a place in the lists of factors,
+        length; nan if there is none yet.
+        """
         found = statement.found.get(id(self), {})
         return found[max(places)] if (places := [at for at in found if at <= step]) else nan
 
@@ -500,7 +509,7 @@ class Preload(Load):
 
 
 def _without_density(statement: Stated, key: str) -> Contradictions:
-    """The materials that have no density although an effect needs it."""
+    """Yield an error for each material without a density, if an effect needs it."""
     for number, material in enumerate(statement.material):
         if material.density is None:
             yield ("material", number), f"has no density, which {key} needs"
@@ -511,15 +520,18 @@ def _without_density(statement: Stated, key: str) -> Contradictions:
 
 @dataclass(frozen=True)
 class PointValues:
-    """A function of the position from a .csv with the columns x, y, in 3D z, and change; linear
-    between the points, whose triangulation is that of Delaunay.
+    """A function of the position from a .csv file with the columns x, y, in 3D z, and change.
+
+    It is linear on a Delaunay triangulation of the points.
     """
 
     file: Path
 
     def __call__(self, x: Array) -> Array:
-        """Return values at points of shape (3, n), shape (n,); a ``SceneError`` outside of the hull
-        of those of the file.
+        """Return the values at points of shape (3, n), shape (n,).
+
+        Raises:
+            SceneError: a point is outside of the convex hull of the points of the file.
         """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         middle, function = _read_table(self.file, changed)
@@ -538,7 +550,7 @@ class PointValues:
 
 @lru_cache(maxsize=8)
 def _read_table(file: Path, _changed: int) -> tuple[Array, Callable[[Array], Array]]:
-    """Return the middle of the points, shape (d,), and the interpolation."""
+    """Return the mean of the points of a file, shape (d,), and the interpolating function."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
@@ -551,7 +563,11 @@ def _read_table(file: Path, _changed: int) -> tuple[Array, Callable[[Array], Arr
 
 
 def _rows(file: Path) -> tuple[Array, Array]:
-    """Return the points of a table and the values at them, shapes (n, d) and (n,)."""
+    """Return the points of a table, shape (n, d), and the values at them, shape (n,).
+
+    Raises:
+        SceneError: the file cannot be read as such a table.
+    """
     if file.suffix.lower() != ".csv":
         raise _wrong_file(file, "is no .csv: write the nodes and their values to one")
     try:
@@ -572,7 +588,11 @@ def _rows(file: Path) -> tuple[Array, Array]:
 
 
 def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
-    """Return the points without those at the place of an earlier one, which must have its value."""
+    """Return the points without repeated ones, and their values.
+
+    Raises:
+        SceneError: one point has several values.
+    """
     from scipy.spatial import cKDTree
 
     near = ROOT_OF_EPS * diagonal(points) if len(points) else 0.0

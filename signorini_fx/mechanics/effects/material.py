@@ -1,8 +1,8 @@
-"""What the body is made of: materials by their keys, those of ``materials`` and those of other
-packages.
+"""The materials of a scene: finds the class of each by its keys, in ``materials`` or another
+package.
 
-Linear materials of ``materials`` are known by their keys alone, all others by their law.  A scene
-imports the files of its materials alone.
+Linear materials of ``materials`` are recognised by their keys, all others by their law.  Only the
+files of the materials in use are imported.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from signorini_fx.extensions import MATERIALS, load_class, names_of
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Material
 
-# By their laws the files and classes of nonlinear materials.
+# Files and classes of nonlinear materials, by law.
 NONLINEAR = {
     "j2": ("path_dependent", "J2"),
     "maxwell": ("path_dependent", "Maxwell"),
@@ -33,13 +33,13 @@ _ORTHOTROPIC = "orthotropic", "OrthotropicElastic"
 
 
 def _of_file(file: str, name: str) -> type[Material]:
-    """Return a material of a file of ``materials``, which is imported."""
+    """Import a file of ``materials`` and return one of its classes."""
     kind: type[Material] = getattr(import_module(f"signorini_fx.mechanics.materials.{file}"), name)
     return kind
 
 
 def _class_of(entry: Mapping[str, Any]) -> type[Material]:
-    """Return the class of the material of a table."""
+    """Return the material class for a table."""
     name = entry.get("law")
     if name is None:
         return _of_file(*_ORTHOTROPIC) if "orthotropic" in entry else LinearElastic
@@ -53,7 +53,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Material]:
 
 
 def read_material(entry: object) -> Material:
-    """Return a material from a table; itself if it is one."""
+    """Return the material that a table describes; a material is returned unchanged."""
     if isinstance(entry, Material):
         return entry
     return TypeAdapter(
@@ -62,8 +62,9 @@ def read_material(entry: object) -> Material:
 
 
 def every_entry() -> type[Material] | UnionType:
-    """Return the type of any material of this package, for help and messages: this imports all of
-    them.
+    """Return the union type of all materials of this package, for help and messages.
+
+    It imports all of them.
     """
     return reduce(
         or_, (_of_file(*place) for place in (_ORTHOTROPIC, *NONLINEAR.values())), LinearElastic

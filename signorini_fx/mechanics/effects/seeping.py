@@ -1,6 +1,7 @@
-"""The pressure of a fluid that seeps into an opening contact: a table within ``[[contact]]``.
+"""The pressure of a fluid that enters contact as it opens: a table within ``[[contact]]``.
 
-Where it is, is in ``mechanics.body.seeping``, which is imported where a step is solved.
+Which points it reaches is computed in ``mechanics.body.seeping``, which is imported only when such
+a step is solved.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from signorini_fx.mechanics.statement.values import TimedSampledValue
 
 
 class Seeping(ContactPart):
-    """A fluid that seeps into contact from one side, and presses wherever this is open and
-    connected with that side.
+    """A fluid that enters contact from one side, with its pressure on both sides wherever contact
+    is open and connected with that side.
 
     Attributes:
         pressure: of the fluid.

@@ -1,6 +1,7 @@
 """Wear of contact in a scene: a table within ``[[contact]]``.
 
-What a step wears is in ``mechanics.body.wear``, which is imported where one is solved.
+How wear is computed is in ``mechanics.body.wear``, which is imported only when such a step is
+solved.
 """
 
 from __future__ import annotations
