@@ -1,8 +1,9 @@
-"""Which displacements a body has: strains, measures, rigid motions and components of each kind.
+"""The kinematics of bodies: strains, measures, rigid motions and displacement components of each
+kind, such as plane strain or 3D.
 
-The object of a problem is ``Statement.kinematics``, that of its body ``Model.kinematics``;
-all others ask it and know no kind.  Materials name that of another package, an object with the base
-``Kinematics``, as their ``hypothesis``. UFL is imported where it is needed.
+A problem has its kinematics as ``Statement.kinematics``, a body as ``Model.kinematics``; all other
+code uses this interface without distinguishing kinds.  The ``hypothesis`` of a material may name
+kinematics of another package, an instance of ``Kinematics``.  UFL is imported where it is needed.
 """
 
 from __future__ import annotations
@@ -28,13 +29,15 @@ HYPOTHESES = {kind.words: kind for kind in (PLANE_STRAIN, PLANE_STRESS, AXISYMME
 
 
 def hypotheses() -> tuple[str, ...]:
-    """Return the names that materials may give the kinematics of a plane mesh; none is imported."""
+    """Return the hypotheses that materials on a 2D mesh may name; nothing is imported."""
     return (*HYPOTHESES, *(name for name in names_of(KINEMATICS) if name not in HYPOTHESES))
 
 
 def of_hypothesis(name: str) -> Kinematics:
-    """Return the kinematics of a name in ``hypotheses``; an ``InstallationError`` where their
-    package is missing.
+    """Return the kinematics of a name in ``hypotheses``.
+
+    Raises:
+        InstallationError: the package of the kinematics is missing, or provides something else.
     """
     if name in HYPOTHESES:
         return HYPOTHESES[name]
@@ -47,10 +50,13 @@ def of_hypothesis(name: str) -> Kinematics:
 
 
 def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> Kinematics:
-    """Return the kinematics of a body with these materials, by their hypotheses and torsion: the
-    most special one, as all must agree.
+    """Return the kinematics of a body with these materials.
 
-    ``dimension``: of the cells; materials in 3D need no hypothesis.
+    All materials must agree (this is checked elsewhere); if not, the most special one is returned.
+
+    Args:
+        materials: hypothesis and torsion of each.
+        dimension: of the cells; in 3D no hypothesis is needed.
     """
     if dimension != 2:
         return SPACE
@@ -65,7 +71,7 @@ def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> K
 
 
 def of_data(scene: Mapping[str, Any], dimension: int = 2) -> Kinematics:
-    """Return the kinematics of a scene as plain data, see ``of_materials``."""
+    """Return the kinematics of a scene given as plain data, see ``of_materials``."""
     materials = scene.get("material") or ()
     return of_materials(
         ((entry.get("hypothesis", ""), bool(entry.get("torsion"))) for entry in materials),
@@ -74,7 +80,7 @@ def of_data(scene: Mapping[str, Any], dimension: int = 2) -> Kinematics:
 
 
 def of_components(cells: int, components: int) -> Kinematics:
-    """Return the kinematics of forms, by the dimension of the cells and the components of the
-    displacement.
+    """Return the kinematics of a user's forms: Cartesian, or with torsion if the displacement has
+    more components than the cells have dimensions.
     """
     return TORSION if components > cells else CARTESIAN[cells]

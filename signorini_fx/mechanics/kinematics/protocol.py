@@ -1,4 +1,4 @@
-"""What every kind of kinematics answers, and the kinds: in Cartesian coordinates, and bodies of
+"""The interface of kinematics, and its kinds: in Cartesian coordinates, and bodies of
 revolution.
 """
 
@@ -18,9 +18,7 @@ from signorini_fx.tuned import DIGITS_OF_FILES
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Which displacements a body has, and the strains, measures and rigid motions that belong to
-    them.
-    """
+    """The displacement components of a body, with their strains, measures and rigid motions."""
 
     words: str  # what it is called
     dimension: int  # d, components of the displacement
@@ -52,12 +50,12 @@ class Kinematics:
 
     @cached_property
     def motions(self) -> int:
-        """Number of rigid motions: d translations and the rotations."""
+        """The number of rigid motions: d translations and the rotations."""
         return self.dimension + len(self.rotations)
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """The components of a symmetric tensor: the normal ones, the shears, and zz with
+        """The index pairs of the strain components that do work: normal ones, shears, and zz with
         ``normal_out``.
         """
         axes = range(self.dimension)
@@ -69,13 +67,15 @@ class Kinematics:
 
     @property
     def stressed(self) -> list[tuple[int, int]]:
-        """The components of the stress: with ``prevented`` also zz."""
+        """The index pairs of the stress components that may not be zero: ``pairs``, with
+        ``prevented`` also zz.
+        """
         return [*self.pairs, *([(2, 2)] if self.prevented else [])]
 
     @property
     def uniform_strain(self) -> Expr:
-        """Return the unit strain in all directions, in plane stress without that across the mesh,
-        UFL, shape (3, 3).
+        """The unit strain in all directions, in plane stress without that across the mesh, UFL,
+        shape (3, 3).
         """
         import ufl
 
@@ -84,7 +84,7 @@ class Kinematics:
         )
 
     def turned(self, arms: Array, vectors: Array) -> Array:
-        """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (...,
+        """Return arms x vectors, shape (..., d), as moments, one per rotation, shape (...,
         rotations).
         """
         pairs = (
@@ -95,7 +95,7 @@ class Kinematics:
 
     @cached_property
     def unbalanced(self) -> Flags:
-        """Along which rigid motions forces on the whole body do not cancel by symmetry, shape
+        """For which rigid motions the forces on the whole body do not cancel by symmetry, shape
         (motions,).
         """
         return np.array(self.motions_without_strain or (True,) * self.motions)
@@ -103,48 +103,59 @@ class Kinematics:
     def refused_axis(
         self, axis: Sequence[float] | None, about: Sequence[float] | None = None
     ) -> str:
-        """Why nothing acts along or about an axis, x[2] unless given, through a point; empty: it
-        may.
+        """Return why nothing can act along or about this axis; "" if it can.
+
+        Args:
+            axis: direction of the axis; None: x[2].
+            about: a point on it; None: the origin.
         """
         return ""
 
     def depth(self, size: float) -> float:
-        """Return what areas of the mesh are multiplied by in a body of this size, about."""
+        """Return the factor from areas of the mesh to volumes of a body of this size, roughly."""
         return 1.0
 
     # --- forms ------------------------------------------------------------------------------------
 
     def strain(self, y: Expr, *, on_axis: bool = False) -> Expr:
-        """Linearised strain, epsilon(y) of section 2.1, UFL, shape (3, 3); for the arguments see
-        ``gradient``.
+        """Return the linearised strain epsilon(y) of section 2.1, UFL, shape (3, 3).
+
+        Args:
+            y: the displacement.
+            on_axis: see ``gradient``.
         """
         import ufl
 
         return ufl.sym(self.gradient(y, on_axis=on_axis))
 
     def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
-        """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3).
+        """Return the displacement gradient in 3D, with components across the mesh, UFL, shape (3,
+        3).
 
-        ``on_axis``: whether it is wanted where x[0] = 0 too, as a limit.
+        Args:
+            y: the displacement.
+            on_axis: whether it is evaluated where x[0] = 0 too, as a limit.
         """
         import ufl
 
         return padded(ufl.grad(y), self.dimension)
 
     def mean_gradient(self, y: Expr) -> Expr:
-        """Return the tensor that has at the middle of a cell the mean of ``gradient`` over the body
-        in it, but for shears of torsion, UFL, shape (3, 3).
+        """Return a tensor whose value at the midpoint of a cell is the mean of ``gradient`` over
+        the volume of the cell, except for shears of torsion, UFL, shape (3, 3).
         """
         return self.gradient(y)
 
     def measure(self, x: FieldValue) -> FieldValue | float:
-        """Return the factor of areas and lengths of the mesh at x, UFL of shape (d,) or numbers of
-        shape (d, n).
+        """Return the factor of areas and lengths of the mesh at x.
+
+        Args:
+            x: UFL of shape (d,), or numbers of shape (d, n).
         """
         return 1
 
     def measure_at(self, x: Array) -> Array:
-        """``measure`` at points of shape (d, n), not below zero by round-off."""
+        """Return ``measure`` at points of shape (d, n), not negative by round-off."""
         return np.maximum(self.measure(x), 0.0)
 
 
@@ -160,8 +171,13 @@ PLANE_STRESS = Kinematics(
 
 
 def padded(tensor: Expr, dimension: int, outward: Expr | float = 0) -> Expr:
-    """Return the components of a tensor along the first axes, and one across the mesh, UFL, shape
-    (3, 3).
+    """Return a tensor extended to shape (3, 3) with zeros and one normal component across the mesh,
+    UFL.
+
+    Args:
+        tensor: UFL.
+        dimension: d; a tensor in 3D is returned unchanged.
+        outward: the component across the mesh.
     """
     import ufl
 
@@ -173,14 +189,14 @@ def padded(tensor: Expr, dimension: int, outward: Expr | float = 0) -> Expr:
 
 
 def components(tensor: Expr, pairs: Iterable[tuple[int, int]]) -> Expr:
-    """Return components of a strain, of shear twice epsilon_ij, UFL."""
+    """Return the components of a strain as a UFL vector, shears as 2 epsilon_ij."""
     import ufl
 
     return ufl.as_vector([tensor[i, j] if i == j else 2 * tensor[i, j] for i, j in pairs])
 
 
 def tensors(values: Array, pairs: Iterable[tuple[int, int]]) -> Array:
-    """Symmetric tensors, shape (..., 3, 3), from their components."""
+    """Return symmetric tensors, shape (..., 3, 3), from components, shape (..., pairs)."""
     tensors = np.zeros((*values.shape[:-1], 3, 3))
     for column, (i, j) in enumerate(pairs):
         tensors[..., i, j] = tensors[..., j, i] = values[..., column]
@@ -188,7 +204,7 @@ def tensors(values: Array, pairs: Iterable[tuple[int, int]]) -> Array:
 
 
 def position(y: Expr) -> Expr:
-    """Return the place that an expression is taken at, UFL."""
+    """Return the spatial coordinate on the domain of an expression, UFL."""
     import ufl
 
     return ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(y))
@@ -198,8 +214,8 @@ def position(y: Expr) -> Expr:
 
 
 def off_axis(y: Expr) -> Expr:
-    """Return whether a place of UFL is off the axis, by more than the round-off of coordinates in
-    files.
+    """Return a UFL condition: whether a point is farther from the axis than the round-off of
+    coordinates in files.
     """
     import ufl
 
@@ -217,9 +233,10 @@ _SECOND_MOMENTS = {
 
 @dataclass(frozen=True)
 class BodyOfRevolution(Kinematics):
-    """Displacements along the radius and the axis, which do not depend on the angle.
+    """An axisymmetric body, with displacements along the radius and the axis that do not depend on
+    the angle.
 
-    The strain has y_0 / r along the circumference, and forces are those of a revolution.
+    The strain along the circumference is y_0 / r; forces are those of the full revolution.
     """
 
     whole: bool = True
@@ -236,11 +253,11 @@ class BodyOfRevolution(Kinematics):
         return "must be that of the body: axis = [0.0, 1.0]"
 
     def depth(self, size: float) -> float:
-        """Return the length of half a revolution."""
+        """Return the circumference of a circle whose diameter is this size."""
         return math.pi * size
 
     def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
-        """Return the gradient with the stretch of the circumference, whose limit on the axis is the
+        """Return the gradient with the circumferential stretch, whose limit on the axis is the
         radial strain.
         """
         import ufl
@@ -254,8 +271,8 @@ class BodyOfRevolution(Kinematics):
         return padded(ufl.grad(y), 2, stretch)
 
     def mean_gradient(self, y: Expr) -> Expr:
-        """Return the gradient in the middle of the volume, which is more where the radius is
-        larger, and the mean stretch of the circumference.
+        """Return the gradient averaged over the volume of the cell, in which larger radii weigh
+        more, with the mean circumferential stretch.
         """
         import ufl
 
@@ -273,7 +290,7 @@ class BodyOfRevolution(Kinematics):
         return padded(slopes, 2, stretch)
 
     def measure(self, x: FieldValue) -> FieldValue:
-        """Return the length of the circumference."""
+        """Return the length of the circumference, 2 pi r."""
         return 2 * math.pi * x[0]
 
 
@@ -297,16 +314,17 @@ AXISYMMETRIC = BodyOfRevolution(
 
 @dataclass(frozen=True)
 class TwistedBody(BodyOfRevolution):
-    """A body of revolution that also moves around its axis: elements with twist (CGAX in Abaqus).
+    """A body of revolution that also twists around its axis, as elements with twist do (CGAX in
+    Abaqus).
 
     The displacement has three components, which do not depend on the angle: radial, axial, and
-    around the axis.  The last one is z, along x[2] out of the section: what turns by an angle about
-    x[1] moves by -angle x[0] along it.
+    circumferential.  The last one is z, along x[2] out of the section: a rotation by an angle about
+    x[1] is a displacement of -angle x[0] along x[2].
     """
 
     def gradient(self, y: Expr, *, on_axis: bool = False) -> Expr:
-        """Has the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which
-        vanish on the axis.
+        """Return the gradient with the shears of torsion gamma_02 = r d(y_2 / r)/dr and gamma_12 =
+        dy_2/dx_1, which vanish on the axis.
         """
         import ufl
 
