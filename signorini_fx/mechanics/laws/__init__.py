@@ -1,5 +1,5 @@
-"""The friction laws: the bound of the shear as a function of the contact pressure.
+"""The friction laws: the bound of the shear as a function of the contact pressure and perhaps the
+slip.
 
-``protocol`` documents what a law says; no law knows who asks it: neither points nor forms nor
-scenes.
+``protocol`` documents the interface.  Laws do not depend on contact points, forms or scenes.
 """

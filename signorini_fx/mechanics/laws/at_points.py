@@ -1,5 +1,5 @@
-"""A law at contact points, as the core takes it, and what a law of a user's own says of itself,
-tried at pressures of all sizes.
+"""Friction laws at contact points, in the form that algorithms take, and the check of a user's own
+law at pressures of all sizes.
 """
 
 from __future__ import annotations
@@ -23,8 +23,11 @@ from signorini_fx.tuned import (
 
 
 def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
-    """Return the friction of ``count`` points with one law, whose parameters are arrays; None if
-    there is none.
+    """Return the friction of ``count`` points with one law.
+
+    Args:
+        law: the law, whose parameters are arrays; None: no friction.
+        count: number of points.
     """
     zero = np.zeros(count)
     if law is None:
@@ -38,7 +41,9 @@ def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
 def joined(parts: Sequence[PointFriction], points: Sequence[Ints]) -> PointFriction:
     """Return the friction of several parts of the contact points as one.
 
-    ``points``: the numbers of those of each part, which together are all.
+    Args:
+        parts: friction of each part.
+        points: numbers of the points of each part, which together are all points.
     """
     count = sum(numbers.size for numbers in points)
     given, coefficient, cap, ends = (np.full(count, value) for value in (0.0, 0.0, np.inf, False))
@@ -59,10 +64,14 @@ def joined(parts: Sequence[PointFriction], points: Sequence[Ints]) -> PointFrict
 
 
 def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
-    """What a law of a user's own says of itself and does not keep, at ``count`` points, for which
-    its parameters are arrays; "": nothing was found.
+    """Return what a user's own law does wrong, tried at ``count`` points; "" if nothing was found.
 
-    ``modulus``: of the body, stress: pressures up to it are tried, and speeds of all sizes.
+    Its bound, derivatives and envelope must agree with each other and with its class attributes.
+
+    Args:
+        law: the law, whose parameters are arrays.
+        count: number of points.
+        modulus: of the body, stress: pressures up to it are tried, and speeds of all sizes.
     """
     kind = type(law)
     own_envelope = kind.envelope is not FrictionLaw.envelope
@@ -105,7 +114,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
 
 
 class _Fault(Exception):
-    """What is wrong with a law, in words."""
+    """An error of a law; its message describes it."""
 
 
 def _faults_at(
@@ -116,7 +125,7 @@ def _faults_at(
     envelope: Array,
     round_off: Array,
 ) -> Iterator[tuple[str, Flags]]:
-    """What is wrong at a speed, see ``_faults``."""
+    """Yield what is wrong at one speed, and where, see ``_faults``."""
     bound, _, by_slip = _values(law, points, pressure, speed)
     if not law.follows_slip:
         still, _, _ = _values(law, points, pressure, 0.0)
@@ -136,8 +145,16 @@ def _faults_at(
 
 
 def _values(law: FrictionLaw, points: Ints, pressure: Array, speed: float) -> list[Array]:
-    """Return what a law says at m points, k pressures of shape (k, 1) and one speed: the bound and
-    its derivatives by pressure and slip, each of shape (k, m).
+    """Return bound, derivative by pressure and derivative by slip, each of shape (k, m).
+
+    Args:
+        law: the law.
+        points: m points.
+        pressure: k pressures, stress, shape (k, 1).
+        speed: one speed for all.
+
+    Raises:
+        _Fault: the law fails, or returns something of another shape.
     """
     name = type(law).__name__
     shape = (len(pressure), points.size)
@@ -171,8 +188,15 @@ def _faults(
     envelope: Array,
     round_off: Array,
 ) -> Iterator[tuple[str, Flags]]:
-    """What is wrong in words, with places for law and pressure, and where: k ascending pressures, m
-    points, (k, m).
+    """Yield messages, with placeholders for law and pressure, and where each applies, shape (k, m).
+
+    Args:
+        law: the law.
+        pressure: k ascending pressures, stress, shape (k, 1).
+        limit: its bound, stress, shape (k, m).
+        derivative: of the bound by the pressure, shape (k, m).
+        envelope: bound of its envelope, stress, shape (k, m).
+        round_off: of the bound, stress, shape (m,).
     """
     yield "bound of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
     yield "bound of {law} is negative at the pressure {pressure:g}", limit < 0

@@ -1,5 +1,5 @@
-"""The friction laws of the paper: none; Tresca, whose bound is given and acts without a pressure
-too; Coulomb.
+"""The friction laws of the paper: none; Tresca, whose given bound acts even without a pressure;
+Coulomb.
 """
 
 from __future__ import annotations

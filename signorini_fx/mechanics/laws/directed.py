@@ -54,8 +54,12 @@ class FrictionAxes:
     def joined(
         cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]
     ) -> FrictionAxes | None:
-        """Join the axes of several boundaries, of the sizes; None if no friction has a
+        """Return the axes of several boundaries as one; None if no friction depends on the
         direction.
+
+        Args:
+            parts: axes of each boundary; None: its friction is the same in all directions.
+            sizes: number of points of each.
         """
         if not any(parts):
             return None
@@ -74,8 +78,11 @@ class FrictionAxes:
         return FrictionAxes(self.along[points], self.ratio[points])
 
     def directions(self, normal: Array, otherwise: Array) -> Array:
-        """(e_1, e_2), one per column, shape (n, 3, 2); ``otherwise`` where friction has no
-        direction.
+        """Return (e_1, e_2), one per column, shape (n, 3, 2).
+
+        Args:
+            normal: unit normals, shape (n, 3).
+            otherwise: tangents for points where friction does not depend on the direction.
         """
         directed = np.asarray(self.along.any(axis=1))
         first = self.along - inner(self.along, normal)[:, None] * normal
@@ -86,15 +93,18 @@ class FrictionAxes:
 
     @property
     def scale(self) -> Array:
-        """What the axes are multiplied by, (1, r), shape (n, 1, 2)."""
+        """The factors (1, r) of the axes, shape (n, 1, 2)."""
         return np.stack((np.ones_like(self.ratio), self.ratio), axis=1)[:, None]
 
     def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: MPI.Comm) -> None:
-        """Refuse axes without a direction at points of one foundation, and supports that are not
+        """Raise an error if axes have no direction at points of a foundation, or supports are not
         along them; collective.
 
-        ``movable``: see ``ContactPoints``, along these axes.
-        ``path``: of the law, for errors.
+        Args:
+            normal: unit normals of the points, shape (n, 3).
+            movable: returns ``ContactPoints.movable`` along these axes.
+            path: of the law, for errors.
+            comm: the ranks.
         """
         from signorini_fx.machine import parallel
 
@@ -105,7 +115,9 @@ class FrictionAxes:
         self.check_supports(movable(), path, comm)
 
     def check_supports(self, movable: Array, path: str, comm: MPI.Comm) -> None:
-        """Whether what may move at the points is along the axes, see ``check``; collective."""
+        """Raise an error if supports prescribe displacements that are not along the axes, see
+        ``check``; collective.
+        """
         askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > ROOT_OF_EPS
         why = (
             "a support prescribes the displacement there neither along nor across it, nor along "
@@ -117,7 +129,7 @@ class FrictionAxes:
 
 
 def _refuse_where(wrong: Flags, key: str, reason: str, comm: MPI.Comm) -> None:
-    """Refuse a law if any point of any rank is wrong; collective."""
+    """Raise an error on all ranks if any point of any rank is wrong; collective."""
     from signorini_fx.machine import parallel
 
     if parallel.any_rank(comm, wrong):
@@ -149,11 +161,11 @@ class DirectedLaw(FrictionLaw):
 
     @property
     def directed(self) -> bool:
-        """Whether it depends on the direction of slip."""
+        """Whether the friction depends on the direction of slip."""
         return self.ratio is not None
 
     def vectors(self, x: Array) -> Array:
-        """``along`` at points, both with shape (3, n)."""
+        """Return ``along`` at points, both of shape (3, n)."""
         along = self.along or (1.0, 0.0, 0.0)
         return np.asarray(
             along(x) if callable(along) else [sample(component, x) for component in along]
@@ -162,10 +174,14 @@ class DirectedLaw(FrictionLaw):
     def axes(
         self, at: Callable[..., Array], path: str, dimension: int, comm: MPI.Comm
     ) -> FrictionAxes | None:
-        """Return the axes of friction at nodes, or None if it has no direction; collective.
+        """Return the axes of friction at nodes; None if it is the same in all directions;
+        collective.
 
-        ``at``: evaluates data at nodes, see ``assembly.nodal_values.NodalValues``.
-        ``path``: of the law, for errors.
+        Args:
+            at: evaluates data at nodes, see ``assembly.nodal_values.NodalValues``.
+            path: of the law, for errors.
+            dimension: of the mesh.
+            comm: the ranks.
         """
         if self.ratio is None:
             return None

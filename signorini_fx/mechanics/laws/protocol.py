@@ -1,10 +1,9 @@
-"""What a friction law says.  All that solves, judges and tells of friction asks these methods and
-knows no kind.
+"""The interface of friction laws; all other code uses it without distinguishing laws.
 
-A law is |mu| <= g(lambda, s, dt): the shear mu, a stress, is at most a bound that the contact
-pressure lambda >= 0 decides, and perhaps the slip s of the load step and its duration dt; where it
-is less, nothing slips.  The fields of its class are its parameters: numbers, expressions,
-callables, UFL. At points they are arrays, and ``evaluate`` is plain NumPy on them, as in
+A law is |mu| <= g(lambda, s, dt): the shear mu, a stress, is at most a bound that depends on the
+contact pressure lambda >= 0, and perhaps on the slip s of the load step and its duration dt; where
+it is less, nothing slips.  The fields of its class are its parameters: numbers, expressions,
+callables, UFL.  At points they are arrays, and ``evaluate`` is plain NumPy on them, as in
 ``demos/extensions/law.py``.
 """
 
@@ -32,8 +31,8 @@ Parameter = Annotated[
 
 
 class Envelope(NamedTuple):
-    """min(given + coefficient lambda, cap), which is convex and which statics knows: no bound of
-    the law exceeds it.
+    """The envelope min(given + coefficient lambda, cap) of a friction law, for limit analysis: the
+    bound of the law never exceeds it.
 
     Attributes:
         given: stress, a number or shape (n,).
@@ -47,8 +46,8 @@ class Envelope(NamedTuple):
 
 
 class FrictionLaw(Table):
-    """A friction law; a user's own derives from it, see above; ``directed.DirectedLaw`` may depend
-    on the direction.
+    """A friction law; derive a law of your own from it, or from ``directed.DirectedLaw`` if it may
+    depend on the direction.
 
     Attributes:
         law: its name.
@@ -59,22 +58,21 @@ class FrictionLaw(Table):
         True 0.3
     """
 
-    # Whether the bound depends on the pressure; where it does not the problem is convex, and the
-    # derivative zero.
+    # Whether the bound depends on the pressure; if not, the problem is convex.
     follows_pressure: ClassVar[bool] = True
-    # Whether the bound grows with the pressure, ever less: then it is below its tangent at zero and
-    # its limit.
+    # Whether the bound is a concave, growing function of the pressure; then it is below its tangent
+    # at zero and its limit.
     concave: ClassVar[bool] = False
     error = FormError
-    # Whether the bound depends on the slip, by its length or its speed slip / dt; such a law leaves
-    # ``follows_pressure`` as it is.
+    # Whether the bound depends on the slip, by its length or its speed slip / dt; then
+    # ``follows_pressure`` must stay True.
     follows_slip: ClassVar[bool] = False
-    # Keys that are no parameters.
+    # Keys that are not parameters.
     apart: ClassVar[tuple[str, ...]] = ("law",)
 
     law: str
 
-    # --- what a law must say ---
+    # --- what a law must define ---
 
     def evaluate(
         self, pressure: Array, slip: Array, dt: float
@@ -83,12 +81,12 @@ class FrictionLaw(Table):
 
         Args:
             pressure: not negative, stress, shape (n,).
-            slip: its length in the load step, its elastic part included, shape (n,).
+            slip: length of the slip in the load step, its elastic part included, shape (n,).
             dt: duration of the load step, time, above 0, so that slip / dt is the speed.
 
         Returns:
-            bound, stress, shape (n,); its derivative by the pressure, at zero that towards larger
-            ones, without unit, and by the slip, stress per length, shapes (n,) or numbers.
+            The bound, stress, shape (n,); its derivative by the pressure, without unit (at zero the
+            derivative from the right), and by the slip, stress per length, shapes (n,) or numbers.
         """
         if type(self).envelope is FrictionLaw.envelope:
             raise NotImplementedError
@@ -98,20 +96,23 @@ class FrictionLaw(Table):
         size = np.asarray(pressure, dtype=np.float64)
         return envelope_at(*self.envelope(np.zeros_like(size)), size)
 
-    # --- what it may say ---
+    # --- what it may define ---
 
     def envelope(self, zero: Array) -> Envelope:
-        """Return what bounds its bound, for statics; ``zero`` has the shape of the parameters.
+        """Return an upper bound of the bound, for limit analysis.
 
-        Of a concave law it follows, and of one that the pressure leaves as it is; of others, and of
-        those that follow the slip, nothing is known, and friction has no limit.
+        For concave laws, and for those that do not depend on the pressure, it follows from
+        ``evaluate``.  For others, and for laws that depend on the slip, it is infinite by default.
+
+        Args:
+            zero: zeros with the shape of the parameters.
         """
         if self.follows_slip or (self.follows_pressure and not self.concave):
             return Envelope(zero + np.inf, zero)
         given, slope, _ = self.evaluate(zero, zero, 1.0)
         if not self.follows_pressure:
             return Envelope(given, zero)
-        # What is a quotient, or of a parameter that is zero, is no number there.
+        # The limit may be nan, for quotients or parameters that are zero: then there is no cap.
         with np.errstate(invalid="ignore"):
             limit = self.limit(zero + np.inf)
         cap = np.where(np.isnan(limit), np.inf, limit)
@@ -121,13 +122,13 @@ class FrictionLaw(Table):
 
     @property
     def ends_open(self) -> bool:
-        """Whether the bound of its envelope ends with a jump where contact opens."""
+        """Whether the bound of the envelope jumps to zero where contact opens."""
         return False
 
     @property
     def unknown(self) -> str:
-        """Why its bound is not its envelope, so that nothing is proved of it but equilibrium; "":
-        it is.
+        """The reason why the bound differs from its envelope, so that only equilibrium can be
+        proved; "" if they are equal.
         """
         return (
             f"of the friction law {self.law} it has only the bound" if self.follows_pressure else ""
@@ -135,7 +136,7 @@ class FrictionLaw(Table):
 
     @property
     def acts(self) -> bool:
-        """Whether it can transmit shear."""
+        """Whether the law can transmit shear."""
         return True
 
     # --- what follows ---
@@ -146,7 +147,9 @@ class FrictionLaw(Table):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """Let parameters be given in Python in their order, before the other keys."""
+        """Allow parameters as positional arguments in Python, in their order, before the other
+        keys.
+        """
         super().__pydantic_init_subclass__(**options)
         cls.positional = tuple(
             key for key in sorted(cls.model_fields, key=cls.apart.__contains__) if key != "law"
@@ -154,28 +157,28 @@ class FrictionLaw(Table):
 
     @property
     def parameters(self) -> dict[str, Value]:
-        """Return the parameters that are not None by their names."""
+        """The parameters that are not None, by name."""
         values = {
             key: getattr(self, key) for key in type(self).model_fields if key not in self.apart
         }
         return {key: value for key, value in values.items() if value is not None}
 
     def with_values(self, of: Callable[[str, Any], Value | Array]) -> Self:
-        """Return the law with other parameters, made from their names and values."""
+        """Return the law with parameters replaced by ``of(name, value)``."""
         return self.model_copy(
             update={key: of(key, value) for key, value in self.parameters.items()}
         )
 
     def at(self, points: Flags | Integers | slice) -> Self:
-        """Return a law whose parameters are arrays at some of their entries."""
+        """Return the law at some of its points; its parameters are arrays."""
         return self.with_values(lambda _, values: values[points])
 
     @property
     def directed(self) -> bool:
-        """Whether it depends on the direction of slip."""
+        """Whether the friction depends on the direction of slip."""
         return False
 
 
 def acting(*values: Value | None) -> bool:
-    """Return whether a value is there and not the number zero."""
+    """Return whether any value is given and not zero."""
     return any(value is not None and not is_zero(value) for value in values)

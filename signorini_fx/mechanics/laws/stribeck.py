@@ -1,4 +1,4 @@
-"""Friction that follows the speed of slip: a formula of R. Stribeck's curve, and a table."""
+"""Friction that depends on the speed of slip: R. Stribeck's curve as a formula, and a table."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ class SpeedLaw(DirectedLaw):
 
     @property
     def typical_speeds(self) -> Array:
-        """Return speeds at one of which F falls about as fast as anywhere."""
+        """Speeds that include one at which F falls about as fast as anywhere, shape (k,), length
+        per time.
+        """
         raise NotImplementedError
 
     def coefficient_at(self, speed: Array) -> tuple[Array, Array]:
@@ -36,8 +38,8 @@ class SpeedLaw(DirectedLaw):
 
     @property
     def steepest_fall(self) -> float:
-        """Return the largest -dF/dv, time per length; 0: F falls nowhere, or its parameters are no
-        numbers.
+        """The largest -dF/dv, time per length; 0 if F falls nowhere, or if its parameters are not
+        all numbers.
         """
         if not all(isinstance(value, float) for value in self.parameters.values()):
             return 0.0
