@@ -1,7 +1,7 @@
-"""Loads and supports on a mesh: vectors of the densities of effects, prescribed displacements,
-jumps and strains.
+"""Loads and supports on a mesh: load vectors, prescribed displacements, jumps and initial strains.
 
-``effects`` has the density of each; here these are integrated, and followed through load steps.
+``effects`` has the density of each; here densities are integrated and updated from load step to
+load step.
 """
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body

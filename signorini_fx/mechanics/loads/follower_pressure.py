@@ -1,10 +1,10 @@
-"""Pressure that follows a body at finite strains, along the inward normal of the deformed boundary,
+"""Pressure that follows a body at finite strains: along the inward normal of the deformed boundary,
 per deformed area.
 
 Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its
-tangent is not symmetric where p varies or its boundary ends at an edge that is not held (K.
-Schweizerhof, E. Ramm, Comput. Struct. 18 (1984) 1099-1114).  Centrifugal forces are those of the
-displaced places.
+tangent is not symmetric where p varies, or where its boundary ends at a free edge (K. Schweizerhof,
+E. Ramm, Comput. Struct. 18 (1984) 1099-1114).  Centrifugal forces follow the body too: they depend
+on displaced positions.
 """
 
 from __future__ import annotations
@@ -64,33 +64,35 @@ def _traction(pressure: Expr | float, u: fem.Function, kinematics: Kinematics) -
 
 
 def following(statement: Statement) -> list[Traction]:
-    """Return the tractions of a statement whose pressure follows the body: where materials know
-    finite strains.
+    """Return the tractions of a statement whose pressure follows the body; none if materials have
+    small strains.
     """
     tractions = statement.effects.get("traction", ()) if statement.finite_strains else ()
     return [traction for traction in tractions if not is_zero(traction.pressure)]
 
 
 def carried_loads(statement: Statement) -> list[ForceDensity]:
-    """Return the forces of a statement in the body that are those of displaced places."""
+    """Return the body forces of a statement that depend on displaced positions; none if materials
+    have small strains.
+    """
     forces = statement.of(ForceDensity) if statement.finite_strains else []
     return [force for force in forces if force.carried and force.acts]
 
 
 @dataclass(frozen=True)
 class _DisplacedCoefficients(FormCoefficients):
-    """Values of a scene at material points, ``position`` at displaced ones."""
+    """The values of a scene at material points, with the displaced ``position``."""
 
     displacement: fem.Function
 
     @property
     def position(self) -> Expr:
-        """X + u."""
+        """The displaced position X + u, UFL."""
         return super().position + self.displacement
 
 
 def without_followers(statement: Statement) -> Statement:
-    """Return the statement without pressures and centrifugal forces that follow the body."""
+    """Return the statement without pressures and body forces that follow the body."""
     leaving, pressed = ([*map(id, of(statement))] for of in (carried_loads, following))
 
     def kept(entries: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -105,12 +107,12 @@ def without_followers(statement: Statement) -> Statement:
 
 @dataclass(frozen=True)
 class Followers:
-    """The loads of a scene that follow its body."""
+    """The loads of a scene that follow the body."""
 
-    works: Sequence[ufl.Form]  # of each with a test function, negative as in a residual
-    effects: Sequence[ForceDensity]  # the tractions with a pressure, and centrifugal forces
-    factors: Sequence[fem.Constant]  # their load factors of now
-    on: FormCoefficients  # gives their values at a time
+    works: Sequence[ufl.Form]  # minus the virtual work of each, as in a residual
+    effects: Sequence[ForceDensity]  # the tractions with a pressure, then centrifugal forces
+    factors: Sequence[fem.Constant]  # their current load factors
+    on: FormCoefficients  # their values at the current time
 
     @classmethod
     def of(
@@ -121,8 +123,14 @@ class Followers:
         ds: ufl.Measure,
         dx: ufl.Measure,
     ) -> Followers:
-        """Return the loads of a statement that follow the body, at ``u``; ``ds(1)`` and so on
-        integrate over the boundaries of pressures.
+        """Return the follower loads of a statement at the displacement ``u``.
+
+        Args:
+            statement: the entries of the scene.
+            tagged: the mesh.
+            u: the displacement.
+            ds: surface measure; ``ds(1)`` and so on are the boundaries of the pressures.
+            dx: volume measure.
         """
         pressures = following(statement)
         carried = carried_loads(statement)
@@ -149,7 +157,7 @@ class Followers:
         return cls(works, effects, factors, on)
 
     def move_to(self, step: float) -> None:
-        """Take the values of a place in the lists of factors."""
+        """Set the loads to their values at a place in the lists of factors."""
         self.on.move_to(step)
         for effect, factor in zip(self.effects, self.factors, strict=True):
             factor.value = self.on.statement.now(effect, step)[0]

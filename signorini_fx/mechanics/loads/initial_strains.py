@@ -1,9 +1,9 @@
 """Initial strains, and sections across bolts with the jumps of the displacement there.
 
-Cells beyond a section move against the nodes that they share with those before it, as if these were
-there twice: with the unit vector n across it their displacement is that of the nodes minus s n at
-those on the section, where s is the amount.  So no node is added, and the section may consist of
-any facets, here of those closest to a plane.
+Cells beyond a section move relative to the nodes that they share with the cells before it, as if
+these nodes were doubled: their displacement is that of the nodes minus s n at the nodes of the
+section, where n is the unit vector across it and s the shortening.  No node is added, and the
+section may consist of any facets, here of those closest to a plane.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump on this rank."""
+    """The jump of the displacement at one section, on this rank."""
 
-    path: str  # of its entry in the scene
+    path: str  # of its entry in the scene, for messages
     entry: Preload
     amount: Callable[[float], float]  # s, length, at a place in the lists of factors
     axis: Array  # n, shape (d,)
@@ -53,13 +53,13 @@ class Jump:
 
     @property
     def at_nodes(self) -> Array:
-        """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape
-        (nodes, d).
+        """The displacement J per unit of shortening that is added to the nodes of cells beyond the
+        section, shape (nodes, d).
         """
         return np.where(self.nodes[:, None], -self.axis, 0.0)
 
     def on(self, space: fem.FunctionSpace) -> fem.Function:
-        """J as a function without continuity.
+        """Return J as a discontinuous function.
 
         Args:
             space: of the displacement.
@@ -76,8 +76,17 @@ class Jump:
 def jump_at(
     path: str, effect: Preload, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> Jump:
-    """Return the jump that an entry of a scene, with this path, prescribes on a section that cuts
-    the body; collective.
+    """Return the jump at the section of an entry; collective.
+
+    Args:
+        path: of the entry, for errors.
+        effect: the entry.
+        statement: gives its shortening.
+        tagged: the mesh.
+        space: of the displacement.
+
+    Raises:
+        SceneError: the section does not cut the body through.
     """
     mesh = tagged.mesh
     dim = tagged.dimension
@@ -124,12 +133,16 @@ def jump_at(
     cells = np.flatnonzero(touching & beyond).astype(np.int32)
     axis = np.append(
         axis, np.zeros(space.dofmap.index_map_bs - dim)
-    )  # nothing moves around the axis of a body
+    )  # no jump around the axis of a body with torsion
     return Jump(path, effect, partial(effect.shortening_at, statement), axis, nodes, cells)
 
 
 def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
-    """Return the facets inside the mesh with a name, those of this rank."""
+    """Return the facets inside the mesh that have a name, those of this rank.
+
+    Raises:
+        SceneError: there are none.
+    """
     mesh = tagged.mesh
     if name not in tagged.boundaries:
         boundary_names = ", ".join(sorted(tagged.boundaries)) or "none"
@@ -149,7 +162,11 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
 def _plane(
     space: fem.FunctionSpace, nodes: Flags, tagged: TaggedMesh, path: str
 ) -> tuple[Array, Array]:
-    """Return a point and the unit normal of the plane through nodes."""
+    """Return a point and the unit normal of the plane through some nodes; collective.
+
+    Raises:
+        SceneError: the nodes are not in one plane.
+    """
     comm = space.mesh.comm
     owned = space.dofmap.index_map.size_local
     x = node_positions(space)[:owned, : tagged.dimension][nodes[:owned]]
@@ -164,7 +181,7 @@ def _plane(
 
 
 def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
-    """Return the jumps of the displacement of a scene; collective."""
+    """Return the jumps of all preloads of a scene; collective."""
     if not statement.preloads:
         return []
     acting = [(path, entry) for path, entry in statement.listed() if entry in statement.preloads]
@@ -174,11 +191,17 @@ def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace)
 def jump_loads(
     jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: SceneLaw, held: Callable[[Jump], bool]
 ) -> list[AppliedLoad]:
-    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown;
-    collective.
+    """Return for each jump J the load -a(J, .), and -(div J, .) if the pressure is an unknown; its
+    factor is the shortening; collective.
 
-    ``held``: whether contact or supports hold nodes of a jump on this rank along its axis, which is
-        refused.
+    Args:
+        jumps: the jumps.
+        space: of the displacement.
+        elastic: the elastic law.
+        held: returns whether contact or supports hold nodes of a jump on this rank along its axis.
+
+    Raises:
+        SceneError: nodes of a jump are held.
     """
     z = ufl.TestFunction(space)
     loads = []
@@ -207,11 +230,17 @@ def holds(
     boundary: ContactBoundary | None,
     bonded: Sequence[int] = (),
 ) -> bool:
-    """Return whether contact or prescribed displacements hold nodes of a jump on this rank along
-    its axis, which would see the displacement on one of its sides alone; collective.
+    """Return whether contact or supports hold nodes of a jump on this rank along its axis;
+    collective.
 
-    ``fixed``, ``turned``: see ``Model``.
-    ``bonded``: numbers of the contacts that hold in all directions.
+    They would act on the displacement of one side of the section alone.
+
+    Args:
+        jump: the jump.
+        fixed: see ``Model``.
+        turned: see ``Model``.
+        boundary: the contact points; None: there are none.
+        bonded: numbers of the contacts that hold in all directions.
     """
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
@@ -232,12 +261,14 @@ def holds(
 def given_strains(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> tuple[Expr | None, Expr | None, Callable[[float], None]]:
-    """Return all initial strains together in each direction, and all jumps together, UFL, None
-    without any, as in the first load step, and what moves them to a place; collective.
+    """Return the sum of initial strains, the sum of jumps, and a function that sets both to a place
+    in the lists of factors; collective.
+
+    The sums are UFL, None if there are none, with the values of the first load step.
     """
     on = FormCoefficients(
         statement, tagged, space
-    )  # of its own: other stresses are at other places
+    )  # own coefficients: other stresses may be at another step
     effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     jumps = jumps_in(statement, tagged, space)
     factors, amounts = (

@@ -57,48 +57,44 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AppliedLoad:
-    """The loads and prescribed displacements that share one list of load factors, as the scene has
-    them.
+    """The loads and prescribed displacements that share one list of load factors, assembled as the
+    scene states them.
 
-    Those that depend on the time are separate, and have the values of one time.
+    Loads that depend on the time are in separate groups, and are assembled for one time.
     """
 
-    # From a statement and a place in the lists of factors to what multiplies it there.
+    # Returns the load factor from a statement and a place in the lists of factors.
     factor: Callable[[Statement, float], float]
-    forms: tuple[
-        fem.Form, ...
-    ]  # the compiled terms of L; none if there are prescribed displacements only
+    # The compiled terms of L; empty if there are only prescribed displacements.
+    forms: tuple[fem.Form, ...]
     forces: Array  # L at the owned dofs, shape (owned dofs,)
-    prescribed: fem.Function  # zero, with its prescribed displacements put in
-    # From a place to the same at the time of that place, collective; None: it does not depend on
-    # the time.
+    prescribed: fem.Function  # the prescribed displacements, zero at other dofs
+    # Assembles the load for the time of another place, collective; None: it does not depend on the
+    # time.
     again: Callable[[float], AppliedLoad] | None = None
-    driven: Driven | None = None  # what drives rigid bodies; None: nothing
-    balanced: bool = (
-        False  # whether its forces balance each other in each cell, as those of initial strains do
-    )
-    entry: Preload | None = None  # the section whose shortening it is of; None: of none
-    # The work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say
-    # it.
+    driven: Driven | None = None  # forces and motions of rigid bodies; None: there are none
+    # Whether its forces balance each other in each cell, as those of initial strains do.
+    balanced: bool = False
+    entry: Preload | None = None  # the preload whose jump this is; None: it is no jump
+    # The term of an initial strain at the owned unknowns of a pressure, volumes; None: initial
+    # strains act through ``forces``.
     pressure_load: Array | None = None
 
     def at(self, step: float) -> AppliedLoad:
-        """Return the load at the time of a place; itself if it does not depend on it;
-        collective.
-        """
+        """Return the load at the time of a place in the lists of factors; collective."""
         return self if self.again is None else self.again(step)
 
     @property
     def pushing(self) -> Array:
-        """The forces that may do work on rigid motions, shape (owned dofs,): round-off does
-        none.
+        """The forces that may do work on rigid motions, shape (owned dofs,): zero for balanced
+        loads, whose work is round-off.
         """
         return np.zeros_like(self.forces) if self.balanced else self.forces
 
 
 @dataclass(frozen=True)
 class FormCoefficients:
-    """Values of a scene as UFL, ``statement.effect.Coefficients``."""
+    """The values of a scene as UFL, see ``statement.effect.Coefficients``."""
 
     statement: Statement
     tagged: TaggedMesh
@@ -109,15 +105,15 @@ class FormCoefficients:
         return fem.Constant(self.space.mesh, default_scalar_type(self.statement.time_at(0)))
 
     def move_to(self, step: float) -> None:
-        """Give expressions of the time t the value at the time of a place in the lists of
-        factors.
+        """Set time-dependent values, and values that effects have computed, to a place in the lists
+        of factors.
         """
         self.set_time(self.statement.time_at(step))
         for name, function in self._computed.items():
             function.x.array[:] = getattr(step, "computed", {}).get(name, 0.0)
 
     def set_time(self, time: float) -> None:
-        """Give expressions of the time t their value at a time."""
+        """Set the time t in expressions."""
         self._time.value = time
 
     @cached_property
@@ -125,19 +121,21 @@ class FormCoefficients:
         return {}
 
     def computed(self, name: str) -> fem.Function:
-        """Return what effects have computed at the nodes, see ``BodyCoefficients``."""
+        """Return a nodal field that effects compute, such as the temperature, see
+        ``BodyCoefficients``.
+        """
         if name not in self._computed:
             space = fem.functionspace(self.space.mesh, ("Lagrange", self.degree))
             self._computed[name] = fem.Function(space)
         return self._computed[name]
 
     def entries(self, key: str) -> tuple[Effect, ...]:
-        """Return the entries of a key of the scene."""
+        """Return the entries of the scene under a key."""
         return self.statement.effects.get(key, ())
 
     def of_material(self, key: str) -> Coefficient:
-        """Return a number of the materials: a constant, or a function that is constant in each
-        cell.
+        """Return a material parameter: a constant, or a function that is constant in each cell; 0
+        where it is not given.
         """
         (number,) = of_materials(
             self.statement, self.tagged, lambda material, _: (getattr(material, key) or 0.0,)
@@ -146,33 +144,35 @@ class FormCoefficients:
 
     @property
     def degree(self) -> int:
-        """Return the degree of the displacement."""
+        """The polynomial degree of the displacement."""
         return int(self.space.element.basix_element.degree)
 
     @property
     def normal(self) -> Expr:
-        """Outward unit normal."""
+        """The outward unit normal, UFL."""
         return ufl.FacetNormal(self.space.mesh)
 
     @property
     def position(self) -> Expr:
-        """X."""
+        """The position X, UFL."""
         return ufl.SpatialCoordinate(self.space.mesh)
 
     @cached_property
     def density(self) -> Coefficient:
-        """Mass per volume."""
+        """The mass per volume."""
         return self.of_material("density")
 
     @cached_property
     def expansion(self) -> Coefficient:
-        """Coefficient of thermal expansion."""
+        """The coefficient of thermal expansion."""
         return self.of_material("expansion")
 
     @cached_property
     def elastic(self) -> SceneLaw:
-        """The elastic law, with coefficients of its own, or all errors that the mesh reveals of
-        them; collective.
+        """The elastic law with its coefficients; collective.
+
+        Raises:
+            SceneError: with all errors of the materials that the mesh reveals.
         """
         of = self.statement, self.tagged, self.space
         lame, stiffness, reduced, _ = together(
@@ -206,17 +206,19 @@ class FormCoefficients:
 
     @property
     def around(self) -> Expr | float:
-        """Return the factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
+        """The factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
         return self.kinematics.measure(self.position)
 
     @property
     def kinematics(self) -> Kinematics:
-        """Return the kinematics of the body."""
+        """The kinematics of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def total(self, effect: Any) -> fem.Constant:
-        """Return the integral of ``effect.spread`` over the boundary of the effect, which must not
-        be zero; collective.
+        """Return the integral of ``effect.spread`` over the boundary of the effect; collective.
+
+        Raises:
+            SceneError: it is zero.
         """
         boundary = str(effect.where)
         spread = effect.spread
@@ -238,14 +240,20 @@ class FormCoefficients:
         return self._totals[boundary, spread]
 
     def path(self, effect: Effect) -> str:
-        """Return the path of an effect in the scene."""
+        """Return the path of an effect in the scene, for messages."""
         return next(
             (path for path, entry in self.statement.listed() if entry is effect), effect.label
         )
 
     def value(self, value: Value, cells: Indices | None = None) -> Expr:
-        """Return a value as a coefficient; a callable is interpolated in some cells, without them
-        in all.
+        """Return a value as a coefficient, UFL.
+
+        Args:
+            value: a number, an expression, UFL, or a callable, which is interpolated.
+            cells: where a callable is interpolated; None: in all cells.
+
+        Raises:
+            SceneError: a callable fails.
         """
         mesh = self.space.mesh
         if isinstance(value, float):
@@ -272,14 +280,16 @@ class FormCoefficients:
         return function
 
     def vector(self, values: Sequence[Value]) -> Expr:
-        """Values along the axes as a vector, shape (d,)."""
+        """Return values along the axes as a UFL vector, shape (d,)."""
         return ufl.as_vector(
             [self.value(value) for value in values[: self.space.mesh.geometry.dim]]
         )
 
 
 def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[ufl.Measure]:
-    """Integration over what each effect acts on, the body, or the facets of its boundary."""
+    """Return the integration measure of each effect: over the body, or over the facets of its
+    boundary.
+    """
     ds = measure(
         tagged.mesh,
         [tagged.facets(effect.where) for effect in effects if effect.where is not None],
@@ -289,16 +299,18 @@ def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[ufl.Measure]
     return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
-# The factors that loads of one vector have in common, None of those that depend on the time and
-# have none; whether they depend on the time; and whether they are balanced, see ``AppliedLoad``.
+# What loads of one vector have in common: their list of factors, None for loads that depend on the
+# time and have no factors; whether they depend on the time; and whether they are balanced, see
+# ``AppliedLoad``.
 LoadGroup = tuple[Sequence[float] | None, bool, bool]
 _Effect = TypeVar("_Effect", bound=Effect)
 _Load = TypeVar("_Load", bound=Load)
 
 
 def load_groups(statement: Statement, loads: Sequence[_Load]) -> dict[LoadGroup, list[_Load]]:
-    """Return loads by what they share, without those that are zero or that ``initial_strains``
-    assembles.
+    """Return the loads grouped by what they share, see ``LoadGroup``.
+
+    Loads that are zero, or that ``initial_strains`` assembles, are left out.
     """
     groups: dict[LoadGroup, list[_Load]] = {}
     for load in loads:
@@ -310,7 +322,7 @@ def load_groups(statement: Statement, loads: Sequence[_Load]) -> dict[LoadGroup,
     return groups
 
 
-# From a time, to prescribed displacements and supports along no axis with their values.
+# Returns prescribed displacements and supports along no axis, with their values at a place.
 SupportsAt = Callable[
     [float], tuple[list[tuple[Displacement, fem.DirichletBC]], TurnedNodes | None]
 ]
@@ -325,11 +337,17 @@ def applied_load(
     compiled: tuple[fem.Form, ...] | None = None,
     step: float = 0,
 ) -> AppliedLoad:
-    """Compile and assemble the loads of a group, with prescribed displacements, at a place in the
+    """Compile and assemble the loads and prescribed displacements of a group at a place in the
     lists of factors; collective.
 
-    ``z``: the test function of L.
-    ``compiled``: the forms of an earlier place, None if they are to be compiled.
+    Args:
+        group: what the loads share.
+        loads: the loads and supports of the group.
+        on: the values of the scene.
+        z: the test function of L.
+        supports: returns the supports at a place.
+        compiled: the forms, if they have been compiled for an earlier place; None: they have not.
+        step: the place.
     """
     factors, timed, balanced = group
     space = on.space
@@ -357,8 +375,8 @@ def applied_load(
             forces = forces + forces_at_nodes(
                 on.statement.now(load, step)[1], on.path(load), space, on.tagged
             )
-    # No function that refers to itself: such a cycle keeps the mesh until the garbage collector
-    # comes.
+    # No closure that refers to itself: such a cycle keeps the mesh in memory until the garbage
+    # collector runs.
     reassemble = partial(applied_load, group, loads, on, z, supports, forms) if timed else None
     return AppliedLoad(
         _factor(factors),
@@ -372,15 +390,22 @@ def applied_load(
 
 
 def _factor(factors: Sequence[float] | None) -> Callable[[Statement, float], float]:
-    """``AppliedLoad.factor``; what does not grow in a ramp from nothing is there at once."""
+    """Return ``AppliedLoad.factor`` for a list of factors; without a list the factor is 1."""
     return lambda statement, step: 1.0 if factors is None else factor_at(factors, step)
 
 
 def driving_load(
     rigid: RigidBodies, number: int, statement: Statement, space: fem.FunctionSpace, step: float = 0
 ) -> AppliedLoad:
-    """Return what drives one of the rigid bodies, at the time of a place in the lists of factors;
-    collective.
+    """Return the forces and motions that drive one rigid body, at the time of a place in the lists
+    of factors; collective.
+
+    Args:
+        rigid: all rigid bodies.
+        number: of the rigid body.
+        statement: the entries of the scene.
+        space: of the displacement.
+        step: the place.
     """
     timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
@@ -394,7 +419,7 @@ def driving_load(
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Expr) -> tuple[fem.Form, ...]:
-    """Return the terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of
+    """Return the compiled terms of L of section 2.1, (f, z) and (h, z) in one form, or those of
     initial strains.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
@@ -413,8 +438,8 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Expr) -> tuple
 def compile_resistance(
     acting: Sequence[Resistance], on: FormCoefficients, y: Expr, z: Expr
 ) -> fem.Form | None:
-    """Return the terms of a(y, z) by which effects resist the displacement on the boundary,
-    compiled together.
+    """Return the compiled terms of a(y, z) by which effects resist displacements of the boundary;
+    None if there are no such effects.
     """
     return (
         _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)
@@ -424,8 +449,10 @@ def compile_resistance(
 
 
 def _asked(effect: Effect, method: str, on: FormCoefficients, *arguments: Expr) -> Expr:
-    """Return what a method of an effect gives, UFL, or a ``SceneError`` of one of another package
-    that gives none.
+    """Return the UFL value of a method of an effect.
+
+    Raises:
+        SceneError: a method of an effect of another package fails, or returns another shape.
     """
     if is_of_package(type(effect)):
         return getattr(effect, method)(*arguments, on)
@@ -447,7 +474,7 @@ def _asked(effect: Effect, method: str, on: FormCoefficients, *arguments: Expr) 
 def _compiled(
     effects: Sequence[_Effect], integrand: Callable[[_Effect], Expr], on: FormCoefficients
 ) -> fem.Form:
-    """Return the integrals of effects over what each of them acts on."""
+    """Return the compiled sum of the integrals of effects, each over its boundary or the body."""
     where = measures(effects, on.tagged)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(on.degree)})
@@ -457,8 +484,8 @@ def _compiled(
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
-    """Refuse loads and prescribed displacements that are not finite, or whose squares are not;
-    collective.
+    """Raise an error if loads or prescribed displacements are not finite, or so large that their
+    squares are not; collective.
     """
     problems = []
     where = (

@@ -1,5 +1,5 @@
-"""Prescribed displacements: Dirichlet conditions along the axes, supports along no axis; and what
-acts at nodes.
+"""Prescribed displacements: Dirichlet conditions along the axes, supports along other directions,
+and forces at nodes.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ Conditions = list[tuple[Displacement, fem.DirichletBC]]
 
 @dataclass(frozen=True)
 class Supports:
-    """What supports prescribe on a mesh."""
+    """The prescribed displacements on a mesh."""
 
-    conditions: (
-        Conditions  # the prescribed displacements of the first load step, one component each
-    )
-    skew: list[SkewSupport]  # those along the normals of flat boundaries across no axis
+    # The Dirichlet conditions with the values of the first load step, one component each.
+    conditions: Conditions
+    # Supports along normals of flat boundaries that are not perpendicular to an axis.
+    skew: list[SkewSupport]
     turned: TurnedNodes | None  # the nodes of these; None: there are none
     fixed: Flags  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
     _place: tuple[Statement, fem.FunctionSpace, dict[str, Indices], TaggedMesh, float]
@@ -57,8 +57,15 @@ class Supports:
         tagged: TaggedMesh,
         step: float,
     ) -> Supports:
-        """Return the Dirichlet conditions of a statement that hold at a place in the lists of
-        factors; collective.
+        """Return the supports of a statement that act at a place in the lists of factors;
+        collective.
+
+        Args:
+            statement: the entries of the scene.
+            space: of the displacement.
+            facets: exterior facets of each boundary, by name.
+            tagged: the mesh.
+            step: the place.
         """
         from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
@@ -82,8 +89,8 @@ class Supports:
         return cls(conditions, skew, turned, fixed, place)
 
     def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
-        """Return the conditions and the turned nodes at a place in the lists of factors;
-        collective.
+        """Return the conditions and the turned nodes with their values at a place in the lists of
+        factors; collective.
         """
         statement = self._place[0]
         if not any(effect.timed for effect in statement.displacement):
@@ -108,9 +115,11 @@ def conditions_on(
     tagged: TaggedMesh,
     step: float,
 ) -> tuple[Conditions, list[SkewSupport]]:
-    """Dirichlet conditions that hold at a place, one per component, of which the later one applies
-    where two meet; and the supports along the normals of flat boundaries across no axis;
-    collective.
+    """Return the supports that act at a place in the lists of factors; collective.
+
+    Returns:
+        Dirichlet conditions, one per component, of which the later one wins where two meet; and the
+        supports along normals of flat boundaries that are not perpendicular to an axis.
     """
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
 
@@ -160,25 +169,27 @@ def conditions_on(
 
 
 def _times(sign: float, value: Value) -> Value:
-    """Return a component of a displacement along a normal."""
+    """Return a component of a displacement that is prescribed along a normal parallel to an
+    axis.
+    """
     return sign * value if isinstance(value, float) else lambda x: sign * sample(value, x)
 
 
-# What holds the nodes on the axis of revolution, whatever components of their displacements are
-# zero.
+# The entry to which conditions on the axis of revolution belong, for all components.
 _ON_AXIS = Displacement(boundary="on the axis", x=0.0)
 
 
 def on_axis(x: Array, tagged: TaggedMesh) -> Flags:
-    """Return which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape
-    (n,).
-    """
+    """Return which points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
     return np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size
 
 
 def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> Array:
-    """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,);
+    """Return the outward unit normal of a flat boundary, exact if it is along an axis, shape (d,);
     collective.
+
+    Raises:
+        SceneError: the boundary is not flat.
     """
     mesh = tagged.mesh
     facets = tagged.facets(str(effect.boundary))
@@ -187,8 +198,7 @@ def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> Array:
     outward = parallel.global_sum(
         mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0)
     )
-    # From the facets themselves: as sharp as round-off allows, which their points all together are
-    # not.
+    # From the edges of single facets: a fit through all points would be less accurate.
     corners = facet_vertices(mesh, facets)[:, :, :dim]
     along = corners[:, 1:dim] - corners[:, :1]
     across = (
@@ -216,8 +226,14 @@ def at_rest(
     turned: TurnedNodes | None,
     fixed: Flags,
 ) -> Flags:
-    """Return which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned
-    nodes in their frames.
+    """Return which prescribed dofs are zero at all times, shape (owned dofs,); at turned nodes in
+    their frames.
+
+    Args:
+        space: of the displacement.
+        supports: the Dirichlet conditions.
+        turned: nodes with supports along no axis; None: there are none.
+        fixed: the prescribed owned dofs.
     """
     values = prescribed(space, [support for _, support in supports])[1]
     for effect, support in supports:
@@ -240,8 +256,8 @@ def check_overlap(
     facets: dict[str, Indices],
     tagged: TaggedMesh,
 ) -> None:
-    """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact
-    condition.
+    """Raise a ``SceneError`` if the normal displacement is prescribed on contact facets, as that
+    contradicts the contact condition.
     """
     problems = []
     for index, support in enumerate(statement.displacement):
@@ -276,10 +292,17 @@ def check_overlap(
 def node_at(
     space: fem.FunctionSpace, effect: Displacement | PointForce, path: str, tagged: TaggedMesh
 ) -> Ints:
-    """Return the node of this rank at the point ``at`` of an effect, of its region if it names one,
-    ghosts included, shape (1,) or (0,); there must be one on all ranks together; collective.
+    """Return the node of this rank at the point of an effect, ghosts included, shape (1,) or (0,);
+    collective.
 
-    ``path``: for errors.
+    Args:
+        space: of the displacement.
+        effect: has the point ``at``, and perhaps a region that the node must belong to.
+        path: of the effect, for errors.
+        tagged: the mesh.
+
+    Raises:
+        SceneError: no node is at the point, or several are.
     """
     point = np.array(effect.at)
     x = node_positions(space)[:, : tagged.dimension]
@@ -312,8 +335,10 @@ def node_at(
 
 
 def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> Array:
-    """Return a ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of
-    ``node_at``; collective.
+    """Return the load vector of a ``PointForce``, shape (owned dofs,); collective.
+
+    Raises:
+        SceneError: see ``node_at``.
     """
     node = node_at(space, load, path, tagged)
     owned = space.dofmap.index_map.size_local
