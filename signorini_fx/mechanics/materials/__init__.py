@@ -1,4 +1,4 @@
-"""The materials: the stress of a strain, the bounds of the moduli, and what strains without stress.
+"""The materials: the stress of a strain, bounds of the moduli, and internal variables.
 
-``protocol`` documents them, ``effects.material`` finds them by their keys; none knows who asks it.
+``protocol`` documents the interface, and ``effects.material`` finds a material by its keys.
 """

@@ -1,9 +1,10 @@
-"""Plastic flow at finite strains, by the law of small ones: the logarithm of the elastic stretch
+"""Plasticity at finite strains from a law of small strains: the logarithm of the elastic stretch
 takes the place of the strain (J. C. Simo, Comput. Methods Appl. Mech. Eng. 99 (1992) 61-112).
 
-F = F_e F_p, b_e = F C_p^-1 F^T with C_p = F_p^T F_p, and epsilon = 1/2 ln b_e.  A load step begins
-with b_e by the C_p of its beginning; the flow, which has the axes of b_e, makes epsilon smaller.
-Kirchhoff's stress is J sigma.  C_p is in the undeformed body: nothing depends on how that turns.
+F = F_e F_p, b_e = F C_p^-1 F^T with C_p = F_p^T F_p, and epsilon = 1/2 ln b_e.  A load step starts
+with the trial b_e from the C_p of its beginning; plastic flow, which has the axes of b_e, reduces
+epsilon.  The Kirchhoff stress is J sigma.  C_p refers to the undeformed body, so that the result
+does not depend on rotations.
 """
 
 from __future__ import annotations
@@ -16,23 +17,24 @@ from signorini_fx.arrays import Array
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.tuned import NEAR_ONE
 
-# Of z = tanh of half a difference of logarithms, below which artanh is its series.
+# Coefficients of artanh(z) / z in powers of z^2, for small z.
 _SERIES = (1.0, 1 / 3, 1 / 5, 1 / 7)
 
 
 def respond_at_finite_strains(
     respond: Callable[[Array, Array], tuple[Array, Array, Array]], change: Array, state: Array
 ) -> tuple[Array, Array, Array]:
-    """Return what ``PathDependent.respond_by_change`` does of a material that flows.
+    """Return stress, tangent and state as ``PathDependent.respond_by_change`` of a plastic
+    material.
 
     Args:
-        respond: deviatoric stress, its derivative, and plastic strain with the accumulated one,
-            from a strain, and those of before; isotropic, see ``PathDependent.respond``.
+        respond: the isotropic law of small strains, see ``PathDependent.respond``: from a strain
+            and a state to the deviatoric stress, its derivative, and the new state.
         change: F - I, shape (n, 3, 3).
         state: C_p^-1 - I and the accumulated plastic strain, shape (n, 10).
     """
     with np.errstate(invalid="ignore"):
-        inside_out = ~(np.linalg.det(np.eye(3) + change) > 0)  # or not finite: it has no stress
+        inside_out = ~(np.linalg.det(np.eye(3) + change) > 0)  # or not finite: no stress
     change = np.where(inside_out[:, None, None], 0.0, change)
     turned = change.swapaxes(1, 2)
     gradient = np.eye(3) + change
@@ -47,7 +49,7 @@ def respond_at_finite_strains(
     across = axes.swapaxes(1, 2)
     back = inverse.swapaxes(1, 2)
     piola = axes @ stress @ across @ back
-    # Of F_kl: the change of b_e, of the strain and of the stress along the axes.
+    # Derivatives by F_kl of b_e, of the strain and of the stress, along the axes of b_e.
     moved = (np.eye(3) + before) @ gradient.swapaxes(1, 2) @ axes
     of_stretch = axes[:, :, None, :, None] * moved[:, None, :, None, :]
     of_strain = (of_stretch + of_stretch.swapaxes(3, 4)).reshape(-1, 9, 3, 3)
@@ -69,7 +71,9 @@ def respond_at_finite_strains(
 
 
 def _slopes_of_logarithms(values: Array) -> Array:
-    """Return the divided differences of 1/2 ln(1 + x) between values, shape (n, 3, 3)."""
+    """Return the divided differences of 1/2 ln(1 + x) between values, shape (n, 3, 3), from shape
+    (n, 3).
+    """
     differences = values[:, :, None] - values[:, None, :]
     sums = 2 + values[:, :, None] + values[:, None, :]
     half = differences / sums

@@ -104,7 +104,7 @@ class MooneyRivlin(Hyperelastic):
         return 2 * (self.c10 + self.c01), self.bulk
 
     def shape_energy_by_change(self, change: Expr) -> Expr:
-        """C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
+        """Return the isochoric energy; C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
         import ufl
 
         strain = green_strain(change)
@@ -178,7 +178,9 @@ class Ogden(Hyperelastic):
             yield ("law",), "'ogden' is not possible in 3D yet: take 'mooney-rivlin'"
 
     def shape_energy_by_change(self, change: Expr) -> Expr:
-        """F has no shear across the mesh.  C has the mean 1 + m in the section."""
+        """Return the isochoric energy; F has no shear across the mesh, and the principal values of
+        C in the section have the mean 1 + m.
+        """
         strain = green_strain(change)
         grown = growth(change)
         beyond = strain_beyond_growth(change)
@@ -205,8 +207,9 @@ class Ogden(Hyperelastic):
 
 
 def _beyond_mean(ratio: Expr, power: float) -> Expr:
-    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL; near 0, where r is not smooth, its
-    series in r^2.
+    """Return ((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL.
+
+    Near 0, where r is not a smooth function of r^2, it is the series in r^2.
     """
     import ufl
 

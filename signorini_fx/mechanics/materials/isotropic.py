@@ -49,10 +49,10 @@ class LinearElastic(Material):
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Return the Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda
-        is the reduced one for plane stress, and infinite elsewhere for nu = 1/2.
+        """The Lame parameters (lambda, mu) of section 2.1, stresses, before grading.
 
-        Plane strain has those of three dimensions.
+        Plane strain has those of 3D; for plane stress lambda is the reduced one.  Otherwise it is
+        infinite for nu = 1/2.
         """
         young = self.young
         poisson = self.poisson
@@ -69,8 +69,10 @@ class LinearElastic(Material):
 
     @property
     def locks(self) -> bool:
-        """Return whether nu is so near 1/2 that fully integrated elements lock; the ratio of
-        nonlinear materials follows from moduli, with round-off.
+        """Whether nu is so near 1/2 that fully integrated elements lock.
+
+        A tolerance covers the round-off of ratios that are computed from moduli of nonlinear
+        materials.
         """
         return (
             self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER)

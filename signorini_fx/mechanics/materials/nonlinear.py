@@ -1,9 +1,9 @@
-"""What a nonlinear material says.  A scene with one is solved by Newton's method, see
+"""The interface of nonlinear materials.  A scene with one is solved by Newton's method, see
 ``scenes.nonlinear``.
 
-Of finite strains it has a stored energy per undeformed volume, in two parts: that of the shape, and
-that of the volume, which may be integrated with fewer points.  Of small strains it has a stress
-that depends on the past, with its tangent:
+For finite strains a material has a stored energy per undeformed volume, in two parts: the isochoric
+one, and the volumetric one, which may be integrated with fewer points.  For small strains it has a
+stress that depends on the history, with its tangent:
 
     class Soft(Hyperelastic):
         law: Literal["soft"] = "soft"
@@ -23,10 +23,10 @@ that depends on the past, with its tangent:
         def constants_at_rest(self):
             return self.shear, self.bulk
 
-F = I + grad u and J = det F are known to the unit of round-off only, so that stresses at strains of
-1e-10 have six digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead,
-from which stresses can be evaluated with all digits however small they are; unless a material has
-its own, they call those above.
+F = I + grad u and J = det F have an absolute round-off of 1e-16, so that stresses at strains of
+1e-10 have only six digits.  The methods whose names end in ``by_change`` take grad u and J - 1
+instead, from which stresses have all digits however small they are.  Unless a material overrides
+them, they call the methods above.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ _NOT_YET = "is not possible yet with a nonlinear material"
 
 
 class NonlinearMaterial(Material):
-    """An isotropic material whose stress is no linear function of the strain, see ``Material``."""
+    """An isotropic material whose stress is not a linear function of the strain, see
+    ``Material``.
+    """
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "nonlinear material": {
@@ -81,8 +83,8 @@ class NonlinearMaterial(Material):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """Shear and bulk modulus at small strains, stresses, by default from the keys ``young`` and
-        ``poisson``.
+        """The shear and bulk modulus at small strains, stresses; by default from the keys ``young``
+        and ``poisson``.
         """
         young = getattr(self, "young", None)
         poisson = getattr(self, "poisson", None)
@@ -92,8 +94,8 @@ class NonlinearMaterial(Material):
 
     @cached_property
     def at_rest(self) -> LinearElastic:
-        """The linear material that it is at small strains, from which scales and quadratures
-        follow.
+        """The linear material that it is at small strains, which determines scales and
+        quadrature.
         """
         shear, bulk = self.constants_at_rest
         shared = ("hypothesis", "density", "expansion", "region")
@@ -161,7 +163,7 @@ class NonlinearMaterial(Material):
                     f"is one of small strains, beside one of finite strains: {cure}",
                 )
 
-    # --- what linear materials say ---
+    # --- the methods of linear materials ---
 
     def stress(self, strain: Expr) -> Expr:
         return self.at_rest.stress(strain)
@@ -172,13 +174,13 @@ class NonlinearMaterial(Material):
 
 
 class Hyperelastic(NonlinearMaterial):
-    """An elastic material at finite strains, given by its energy; a material of your own derives
-    from it.
+    """An elastic material at finite strains, given by its stored energy; derive a material of your
+    own from it.
 
     Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution
-    with what is
-    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the
-    latter are called.
+    with the components across the mesh.  Define ``shape_energy`` or ``shape_energy_by_change``, and
+    for a volumetric part ``volume_energy`` or ``volume_energy_by_change``; the solver calls the
+    latter of both.
 
     Attributes:
         hypothesis, torsion, grading, density, region: see ``Material``.
@@ -193,25 +195,26 @@ class Hyperelastic(NonlinearMaterial):
     finite = True
 
     def shape_energy(self, gradient: Expr) -> Expr:
-        """Return the stored energy without ``volume_energy``, per undeformed volume, UFL,
-        a number.
+        """Return the stored energy without the volumetric part, per undeformed volume, UFL,
+        scalar.
         """
         raise NotImplementedError
 
     def volume_energy(self, volume: Expr) -> Expr:
-        """Return the energy of the volume J = det F, UFL, a number."""
+        """Return the volumetric part of the energy from J = det F, UFL, scalar; zero by default."""
         return 0 * volume
 
     def shape_energy_by_change(self, change: Expr) -> Expr:
-        """Return ``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps
-        the digits of grad u.
+        """Return ``shape_energy`` from grad u, UFL of shape (3, 3).
+
+        Its derivative keeps the digits of grad u if a material computes it without forming F.
         """
         import ufl
 
         return self.shape_energy(ufl.Identity(3) + change)
 
     def volume_energy_by_change(self, growth: Expr) -> Expr:
-        """Return ``volume_energy`` from the change of volume J - 1, UFL, a number."""
+        """Return ``volume_energy`` from the change of volume J - 1, UFL, scalar."""
         return self.volume_energy(1 + growth)
 
     def contradictions(self, statement: Stated, number: int) -> Contradictions:
@@ -224,12 +227,12 @@ class Hyperelastic(NonlinearMaterial):
 
 
 class PathDependent(NonlinearMaterial):
-    """A material at small strains whose stress depends on the past, with a mean stress that follows
-    the volume; a material of your own derives from it.  At finite strains, which J2 knows, see
-    ``respond_by_change``.
+    """A material whose stress depends on the history, at small strains; derive a material of your
+    own from it.
 
-    Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the
-    shape (n, 3, 3).
+    The mean stress depends on the volume alone.  The state is a row of numbers at each point, zeros
+    at the beginning.  Strains and stresses have the shape (n, 3, 3).  For finite strains, which J2
+    has, see ``respond_by_change``.
 
     Attributes:
         hypothesis, torsion, grading, density, region: see ``Material``.
@@ -241,7 +244,7 @@ class PathDependent(NonlinearMaterial):
         True 10
     """
 
-    # Numbers of the state at a point.
+    # How many numbers the state has at a point.
     state_size: ClassVar[int] = 0
 
     @property
@@ -249,45 +252,46 @@ class PathDependent(NonlinearMaterial):
         return (*super().features, ("material with a state", ()))
 
     def at_time(self, time: float) -> PathDependent:
-        """Return the material in a load step that ends at this time of the load path; itself if it
-        does not depend on the time.
+        """Return the material for a load step that ends at this time; itself if it does not depend
+        on the time.
         """
         return self
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """Return the deviatoric stress, its derivative by the strain, and the new state, from the
-        state of the last load step.
+        """Return the deviatoric stress, its derivative by the strain, and the new state.
 
         Args:
-            strain: less that of the temperature, shape (n, 3, 3).
-            state: shape (n, ``state_size``).
+            strain: at the end of the step, without thermal strain, shape (n, 3, 3).
+            state: at the end of the last load step, shape (n, ``state_size``).
 
         Returns:
             Shapes (n, 3, 3), (n, 6, 6) and (n, ``state_size``); rows and columns of the derivative
-            are the components ``protocol.PAIRS``, of strains twice epsilon_ij in shear.
+            are the components ``protocol.PAIRS``, with shear strains 2 epsilon_ij.
         """
         raise NotImplementedError
 
     def respond_by_change(self, change: Array, state: Array) -> tuple[Array, Array, Array]:
-        """Return the first Piola-Kirchhoff stress without the part of the volume, its derivative by
-        grad u, and the new state, at finite strains.
+        """Return the first Piola-Kirchhoff stress without its volumetric part, its derivative by
+        grad u, and the new state, for finite strains.
 
         Args:
-            change: grad u, without the expansion by temperature, shape (n, 3, 3).
-            state: shape (n, ``state_size``).
+            change: grad u, without thermal expansion, shape (n, 3, 3).
+            state: at the end of the last load step, shape (n, ``state_size``).
 
         Returns:
-            Shapes (n, 3, 3), (n, 9, 9) and (n, ``state_size``), components row by row.
+            Shapes (n, 3, 3), (n, 9, 9) and (n, ``state_size``), tensor components row by row.
         """
         raise NotImplementedError
 
     def volume_energy_by_change(self, growth: Expr) -> Expr:
-        """Return the energy kappa/2 ln^2 J of finite strains from J - 1, UFL, a number."""
+        """Return the volumetric energy kappa/2 ln^2 J for finite strains from J - 1, UFL,
+        scalar.
+        """
         return self.constants_at_rest[1] / 2 * (growth + logarithm_beyond_line(growth)) ** 2
 
     def plastic_strain(self, state: Array) -> Array | None:
-        """Return the accumulated (equivalent) plastic strain of states, for results, shape (n,);
-        None if there is none.
+        """Return the accumulated (equivalent) plastic strain of states for results, shape (n,);
+        None if the material has none.
         """
         return None
 
@@ -297,20 +301,21 @@ DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 
 
 
 def green_strain(change: Expr) -> Expr:
-    """(F^T F - I)/2 from grad u, UFL, shape (3, 3)."""
+    """Return Green's strain (F^T F - I)/2 from grad u, UFL, shape (3, 3)."""
     return (change + change.T + change.T * change) / 2
 
 
 def growth(change: Expr) -> Expr:
-    """J - 1 from grad u, UFL: the sum of its principal invariants."""
+    """Return J - 1 from grad u, the sum of its principal invariants, UFL."""
     import ufl
 
     return ufl.tr(change) + (ufl.tr(change) ** 2 - ufl.tr(change * change)) / 2 + ufl.det(change)
 
 
 def strain_beyond_growth(change: Expr) -> Expr:
-    """Tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without
-    their difference.
+    """Return tr E - (J - 1) from grad u, with Green's strain E, UFL.
+
+    It is quadratic in small grad u, and is computed without cancellation.
     """
     import ufl
 
@@ -319,13 +324,13 @@ def strain_beyond_growth(change: Expr) -> Expr:
     ) / 2 - ufl.det(change)
 
 
-# Of the series that take the place of differences near one.
+# The powers of the series that replace differences with cancellation.
 _POWERS = range(2, 7)
 
 
 def power_beyond_line(change: Expr, power: float) -> Expr:
-    """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series
-    there.
+    """Return (1 + x)^p - 1 - p x, UFL; for small x by its series, so that its derivative keeps the
+    digits of x.
     """
     factors = []
     factor = power
@@ -336,7 +341,7 @@ def power_beyond_line(change: Expr, power: float) -> Expr:
 
 
 def logarithm_beyond_line(change: Expr) -> Expr:
-    """ln(1 + x) - x, UFL, likewise."""
+    """Return ln(1 + x) - x, UFL; for small x by its series."""
     import ufl
 
     factors = [(-1) ** (k + 1) / k for k in _POWERS]
@@ -344,7 +349,13 @@ def logarithm_beyond_line(change: Expr) -> Expr:
 
 
 def _beyond_line(change: Expr, factors: Sequence[float], far: Expr) -> Expr:
-    """Return the series from the power 2 on where x is small, else ``far``, UFL."""
+    """Return a power series that begins with x^2 where x is small, else ``far``, UFL.
+
+    Args:
+        change: x.
+        factors: coefficients of x^2, x^3 and so on.
+        far: the value for other x.
+    """
     import ufl
 
     series = factors[-1]
@@ -354,5 +365,5 @@ def _beyond_line(change: Expr, factors: Sequence[float], far: Expr) -> Expr:
 
 
 def deviator(tensor: Array) -> Array:
-    """Return the tensor without its mean, shape (..., 3, 3)."""
+    """Return the deviatoric part of tensors, shape (..., 3, 3)."""
     return tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3

@@ -1,7 +1,7 @@
-"""Materials whose stress depends on the direction: axes 1, 2 and 3, which may turn from place to
+"""Materials whose stress depends on the direction: axes 1, 2 and 3, which may vary from place to
 place.
 
-In 2D axis 3 is across it, of bodies of revolution along the circumference.  An orthotropic
+In 2D axis 3 is across the mesh, in bodies of revolution along the circumference.  An orthotropic
 material, such as wood, has three planes of symmetry and nine constants.
 """
 
@@ -42,13 +42,13 @@ class Axes(Table):
 
     @property
     def turns(self) -> bool:
-        """Whether they may vary from place to place."""
+        """Whether the axes may vary from place to place."""
         return not all(
             isinstance(value, float) for value in (*(self.direction or ()), *(self.second or ()))
         )
 
     def dimension_problems(self, dimension: int) -> Contradictions:
-        """What does not fit to a mesh of a dimension: the key, and why."""
+        """Yield a key and a message for each value that does not fit meshes of this dimension."""
         for key, axis in (("direction", self.direction), ("second", self.second)):
             if axis is not None and len(axis) != dimension:
                 yield (
@@ -65,8 +65,8 @@ class Axes(Table):
             yield ("second",), "the mesh is plane: direction determines the axes, leave it out"
 
     def axes(self, x: Array) -> Array:
-        """Return the axes as ``Material.axes``; not finite where the vectors of the scene are not,
-        are zero, or are parallel.
+        """Return the axes as ``Material.axes`` does; not finite where the given vectors are not
+        finite, zero or parallel.
         """
         first = _vectors(self.direction or (1.0,), x)
         second = _vectors(self.second or (0.0, 1.0), x)
@@ -123,7 +123,7 @@ def _unit(vectors: Array, longest: float | None = None) -> Array:
 
 
 class Orthotropic(Axes):
-    """The constants along the axes, and these.
+    """The constants of an orthotropic material, and its axes.
 
     Under a stress s along axis i alone, the strain is s / E_i along i, and -nu_ij s / E_i along j;
     nu_ji / E_j is nu_ij / E_i.
@@ -162,9 +162,7 @@ class Orthotropic(Axes):
 
     @property
     def compliance(self) -> Array:
-        """Return the compliance in the order 11, 22, 33 and the shears, 1 / stress, shape
-        (6, 6).
-        """
+        """The compliance in the order 11, 22, 33 and the shears, 1 / stress, shape (6, 6)."""
         matrix = np.diag(
             [*(1 / modulus for modulus in self.young), *(1 / modulus for modulus in self.shear)]
         )

@@ -1,4 +1,4 @@
-"""Materials whose stress depends on the past (J. C. Simo and T. J. R. Hughes, Computational
+"""Materials whose stress depends on the history (J. C. Simo and T. J. R. Hughes, Computational
 Inelasticity, Springer, 1998).
 """
 
@@ -62,7 +62,7 @@ class J2(PathDependent):
     strains: Literal["small", "finite"] = "small"
 
     @property
-    # That of other materials is one for all of a class.
+    # A property here, a class attribute of other materials.
     def finite(self) -> bool:  # type: ignore[override]
         return self.strains == "finite"
 
@@ -82,8 +82,8 @@ class J2(PathDependent):
 
     @property
     def _curve(self) -> tuple[Array, Array]:
-        """Plastic strains and yield stresses of the table, the first ones at 0; of linear hardening
-        these alone.
+        """The plastic strains and yield stresses of the hardening curve, beginning with strain 0;
+        linear hardening has this point alone.
         """
         rows = () if isinstance(self.hardening, float) else self.hardening
         strains, stresses = zip((0.0, self.yield_stress), *rows, strict=True)
@@ -91,14 +91,14 @@ class J2(PathDependent):
 
     @property
     def _slopes(self) -> Array:
-        """Return the slopes of the segments that begin at the points of ``_curve``, stresses."""
+        """The slopes of the segments that begin at the points of ``_curve``, stresses."""
         strains, stresses = self._curve
         last_slope = self.hardening if isinstance(self.hardening, float) else 0.0
         return np.append(np.diff(stresses) / np.diff(strains), last_slope)
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """Return stress, tangent and state; the segment of the curve in which the return ends has a
-        solution in closed form.
+        """Return stress, tangent and state by radial return, in closed form for the segment of the
+        hardening curve in which the return ends.
         """
         shear = self.constants_at_rest[0]
         plastic = state[:, :9].reshape(-1, 3, 3)
@@ -108,8 +108,8 @@ class J2(PathDependent):
         mises = np.sqrt(1.5) * size
         begins, stresses = self._curve
         slopes = self._slopes
-        # The last point of the curve that the flow passes.  Comparing where the flow ends with both
-        # ends of a segment would, by round-off, find none where it ends at a point of the curve.
+        # Find the last point of the curve that the flow passes.  Checking which segment contains
+        # the end of the flow could, by round-off, find none if it ends at a point of the curve.
         until = np.maximum(begins - accumulated[:, None], 0.0)
         passed = mises[:, None] - 3 * shear * until > np.where(until > 0, stresses, -np.inf)
         last = np.maximum(passed.sum(axis=1) - 1, 0)
@@ -133,7 +133,7 @@ class J2(PathDependent):
         return respond_at_finite_strains(self.respond, change, state)
 
     def plastic_strain(self, state: Array) -> Array:
-        """Return the integral of sqrt(2/3) |d epsilon_p|."""
+        """Return the integral of sqrt(2/3) |d epsilon_p|, shape (n,)."""
         return state[:, 9]
 
 
@@ -173,13 +173,13 @@ class Maxwell(PathDependent):
     _time: float = PrivateAttr(1.0)
 
     @property
-    # That of other materials is one number for all of a class.
+    # A property here, a class attribute of other materials.
     def state_size(self) -> int:  # type: ignore[override]
         return 9 * len(self.branches) + 10
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """Return the constants at first, with all branches."""
+        """The instantaneous shear and bulk modulus, with all branches, stresses."""
         spring, bulk = super().constants_at_rest
         return spring + sum(shear for shear, _ in self.branches), bulk
 

@@ -1,9 +1,8 @@
-"""What a material says.  All that assembles, judges and tells of one asks these methods and knows
-no kind.
+"""The interface of materials; all other code uses it without distinguishing kinds.
 
-The fields of its class are its constants.  Strains and stresses are symmetric tensors along its
-axes, which are those of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and
-UFL, as in ``demos/extensions/material.py``.
+The fields of a material class are its constants.  Strains and stresses are symmetric tensors along
+the axes of the material, which are the coordinate axes unless it has others, see ``orthotropic``.
+``stress`` is linear, and UFL, as in ``demos/extensions/material.py``.
 """
 
 from __future__ import annotations
@@ -29,15 +28,14 @@ _FULL = "must be 'full' with an anisotropic material"
 
 
 def _known_hypothesis(name: str) -> str:
-    """Itself, if there is one of this name."""
+    """Return a hypothesis unchanged if it is known, else raise a ``ValueError``."""
     if name not in HYPOTHESES and name not in hypotheses():
         raise ValueError(f"must be one of {', '.join(map(repr, hypotheses()))}, got {name!r}")
     return name
 
 
 class Material(Effect):
-    """A material, linear elastic unless it states otherwise; a material of your own derives from
-    it.
+    """A material, linear elastic by default; derive a material of your own from it.
 
     Attributes:
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions, or
@@ -45,15 +43,15 @@ class Material(Effect):
             x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
         torsion: whether an axisymmetric body also moves around its axis; the components z are those
             around it, along x[2], so that an angle about x[1] moves a point by -angle x[0].
-        grading: between 0 and 1, by which the moduli, the largest, are multiplied: its value in the
-            middle of each cell; None: 1 everywhere.
+        grading: factor between 0 and 1 of the moduli, which are given at their largest; its value
+            at the midpoint of each cell counts; None: 1 everywhere.
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs;
             None: not known.
         conductivity: power per length and temperature, which ``heat`` needs; None: not known.
-        specific_heat: energy per mass and temperature, by which heat takes time; None: heat is
-            steady in each load step.
-        reference_temperature: at which it has no thermal strain; None: 0.
+        specific_heat: energy per mass and temperature, which makes heat conduction transient;
+            None: it is steady in each load step.
+        reference_temperature: temperature without thermal strain; None: 0.
         region: name of the part of the body that is made of this material; None: all of it.
 
     Examples:
@@ -75,19 +73,19 @@ class Material(Effect):
         },
     }
     key = "material"
-    # Whether the stress is a linear function of the strain, as it is said here; else see
-    # ``nonlinear``.
+    # Whether the stress is a linear function of the strain, ``stress``; else see ``nonlinear``.
     linear: ClassVar[bool] = True
-    # Whether it knows strains that are not small.
+    # Whether it has finite strains.
     finite: ClassVar[bool] = False
-    # Whether a part of it follows the volume alone, and may be integrated with fewer points.
+    # Whether a part of its energy depends on the volume alone, and may be integrated with fewer
+    # points.
     splits: ClassVar[bool] = True
-    # Whether it keeps its volume where it flows, as if it were nearly incompressible.
+    # Whether plastic flow keeps its volume, so that it is nearly incompressible there.
     flows: ClassVar[bool] = False
-    # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have
-    # a pressure.
+    # Whether the stress is a epsilon + b tr(epsilon) I; then the terms may have different
+    # quadratures, or a pressure as an unknown.
     isotropic: ClassVar[bool] = False
-    # How much it expands along its axes, relative to ``expansion``.
+    # Thermal strains along its axes, relative to ``expansion``.
     free_strain: ClassVar[tuple[float, float, float]] = (1.0, 1.0, 1.0)
 
     grading: SampledValue | None = None
@@ -100,58 +98,64 @@ class Material(Effect):
     reference_temperature: Finite | None = None
     region: str | None = None
 
-    # --- what a material must say, unless it has ``stiffness`` ---
+    # --- what a material must define, unless it has ``stiffness`` ---
 
     def stress(self, strain: Expr) -> Expr:
         """Return the stress of a strain, UFL, both with shape (3, 3)."""
         raise NotImplementedError
 
-    # --- what it may say ---
+    # --- what it may define ---
 
     def axes(self, x: Array) -> Array:
-        """Return the unit vectors along the axes at points ``x``, shape (3, n), as the columns of
-        (n, 3, 3); not finite where they have no direction.
+        """Return the unit vectors along the material axes, as the columns of shape (n, 3, 3).
+
+        They are not finite where they have no direction.
+
+        Args:
+            x: points, shape (3, n).
         """
         return np.broadcast_to(np.eye(3), (x.shape[1], 3, 3))
 
     @property
     def at_rest(self) -> Material:
-        """Return the linear material at small strains."""
+        """The linear material that it is at small strains."""
         return self
 
     @property
     def varies(self) -> bool:
-        """Return whether moduli or axes vary within the material."""
+        """Whether moduli or axes vary within the material."""
         return self.grading is not None
 
     def dimension_problems(self, dimension: int) -> Contradictions:
-        """Yield what does not fit to a mesh of a dimension: the path of the key, and why."""
+        """Yield the path of a key and a message for each value that does not fit meshes of this
+        dimension.
+        """
         yield from ()
 
     # --- what follows ---
 
     @property
     def stiffness(self) -> Array:
-        """Stresses ``PAIRS`` from strains, of shear twice epsilon_ij, along the axes, shape (6,
-        6).
+        """The matrix from strains to stresses, components ``PAIRS`` along the axes with shear
+        strains 2 epsilon_ij, shape (6, 6).
         """
         return stiffness_of(self)
 
     @property
     def compliance(self) -> Array:
-        """Return the inverse of the stiffness, shape (6, 6)."""
+        """The inverse of the stiffness, shape (6, 6)."""
         return np.asarray(np.linalg.inv(self.stiffness))
 
     @property
     def natural_modulus(self) -> float:
-        """Return the largest Young's modulus along the axes, a stress, from which scales and
-        settings follow.
+        """The largest Young's modulus along the axes, a stress, from which scales and settings
+        follow.
         """
         return float(1 / self.compliance.diagonal()[:3].min())
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Return the Lame parameters of the isotropic material whose stiffness is the mean over all
+        """The Lame parameters of the isotropic material whose stiffness is the mean over all
         directions (W. Voigt, Lehrbuch der Kristallphysik, Teubner, 1910).
         """
         c = self.stiffness
@@ -165,13 +169,13 @@ class Material(Effect):
         """Return the largest normal stress per strain.
 
         Args:
-            pressed: without the part of a pressure that is an unknown.
+            pressed: whether to leave out the part of the stress that is an unknown pressure.
         """
         return float(self.stiffness.diagonal().max())
 
     @property
     def locks(self) -> bool:
-        """Return whether fully integrated elements lock visibly."""
+        """Whether fully integrated elements lock visibly."""
         return False
 
     @property
@@ -180,7 +184,7 @@ class Material(Effect):
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """Return what two regions of the same material have in common."""
+        """A key that is the same for two regions with the same elastic behaviour."""
         of_heat = "expansion", "conductivity", "specific_heat"
         apart = "region", "density", "yield_stress", *of_heat
         return type(self), *(
@@ -200,19 +204,21 @@ class Material(Effect):
 
     @property
     def words(self) -> str:
-        """Return the name of the material in messages."""
+        """The name of the material in messages."""
         return f"the material {getattr(self, 'law', '')!r}"
 
 
 @cache
 def stiffness_of(material: Material) -> Array:
-    """Return the stiffness by ``Material.stress``, from one unit strain after the other."""
+    """Return the stiffness of a material, one column for each unit strain in
+    ``Material.stress``.
+    """
     return np.column_stack([stress_of(material, strain) for strain in np.eye(len(PAIRS))])
 
 
 def stress_of(material: Material, components: Array) -> Array:
-    """Return the stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in
-    shear, shape (6,).
+    """Return the stress components ``PAIRS`` from strain components with shears 2 epsilon_ij, both
+    of shape (6,).
     """
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering

@@ -1,4 +1,4 @@
-"""What a material of a user's own says of itself, tried before anything is assembled with it."""
+"""The check of a user's own material, before anything is assembled with it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ROTATION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
 def check_materials(materials: Iterable[Material]) -> None:
-    """Refuse materials that are not what they say."""
+    """Raise a ``SceneError`` with the faults of all materials that are not of this package."""
     problems = [
         (f"material[{number}]", fault)
         for number, material in enumerate(materials)
@@ -36,7 +36,7 @@ def check_materials(materials: Iterable[Material]) -> None:
 
 
 def fault_of(material: Material) -> str:
-    """Why a solution with a material means nothing; "": nothing was found."""
+    """Return what is wrong with a material; "" if nothing was found."""
     name = type(material).__name__
     try:
         if material.linear:
@@ -60,8 +60,8 @@ def fault_of(material: Material) -> str:
 
 
 def _fault_of_linear(material: Material, name: str) -> str:
-    """Return the fault of a linear material: its stress at unit strains must be a matrix that has
-    an energy; an empty string: there is none.
+    """Return what is wrong with a linear material: its stress must be linear in the strain, with a
+    symmetric positive definite stiffness; "" if nothing was found.
     """
     stiffness = material.stiffness
     together = stress_of(material, np.ones(len(PAIRS)))
@@ -124,7 +124,7 @@ def _fault_of_energy(material: Hyperelastic) -> str:
         return f"the energy of {name} is not finite"
     if not abs(after - before) <= SAME_TANGENT * modulus:
         return f"shape_energy of {name} is not objective: a rotation of the body changes it"
-    # A body in the plane has no shear across the mesh.
+    # A 2D body has no shear across the mesh.
     units = {k: _UNITS[k] for k, pair in enumerate(PAIRS) if pair not in ((0, 2), (1, 2))}
     first = DIFFERENCE_STEP
     second = np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
