@@ -1,4 +1,4 @@
-"""Inertia: bodies that move, meet and leave each other, from time step to time step.
+"""Inertia: bodies that move, collide and separate, from time step to time step.
 
 The scheme is the implicit midpoint rule with contact that persists along the normal.  A step of
 duration tau from u_n, v_n solves one contact problem for y, the displacement in its middle,
@@ -6,21 +6,22 @@ duration tau from u_n, v_n solves one contact problem for y, the displacement in
     (K + 4 M / tau^2) y + B^T (lambda, mu) = f + 4 M / tau^2 p,    p = u_n + tau v_n / 2,
 
 with f the mean of the loads at both ends.  Then v_m = 2 (y - u_n) / tau, u_(n+1) = u_n + tau v_m
-and v_(n+1) = 2 v_m - v_n; what holds a point takes its velocity v_m.  A point that the old velocity
-would bring inside gets the condition that it does not go on into the obstacle, any other that it is
-not inside at the end:
+and v_(n+1) = 2 v_m - v_n; points held by supports or friction keep v_m along these directions.  If
+the old velocity would bring a point inside the obstacle, it must not penetrate further; any other
+point must not be inside at the end:
 
     gap of y:  B_n u_n / 2 + max(g_(n+1), B_n (u_n + tau v_n / 2) + (g_(n+1) - g_n) / 2 - lambda_n /
     gamma) / 2.
 
-The term of lambda_n gives back the penetration of the regularisation, which would otherwise grow
-with each step like that of a dashpot; the law of y is twice as stiff, so that u_(n+1) has gamma.
+The term of lambda_n removes the penetration of the regularisation, which would otherwise grow with
+each step like that of a dashpot.  The law of y is twice as stiff, so that u_(n+1) has gamma.
 
-Newton's method of a nonlinear body finds w = u_(n+1), as shapes are met at X + w:
+For a nonlinear body Newton's method finds w = u_(n+1), because contact with shapes is evaluated at
+X + w:
 
     F((u_n + w) / 2) + 2 M (w - u_n - tau v_n) / tau^2 + B(w)^T (lambda, mu) = f.
 
-A point that is pressed stays as deep inside as it was.
+A point under pressure keeps its penetration.
 """
 
 from __future__ import annotations
