@@ -316,7 +316,7 @@ class Model:
                 self._add_relative(stiffness)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
-        # In any unit it is neither small nor large beside the other entries.
+        # This value fits the other entries in any system of units.
         values[fixed] = parallel.largest(self.comm, values) or 1.0
         stiffness.setDiagonal(diagonal)
         if self.mixed is not None:
@@ -390,8 +390,8 @@ class Model:
             return False
         if petsc_options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
             return False
-        # Nothing that resists is assembled yet: without it more motions are free, and contact holds
-        # them or not.
+        # Springs that resist rigid motions are not assembled yet.  The decision is made without
+        # them, on the larger set of motions that the supports leave free.
         at_contact = self._supported.joined(boundary).at(boundary)
         return (
             choose_kind(self.system_size(at_contact), self.settings.linear_algebra)[0] == "krylov"

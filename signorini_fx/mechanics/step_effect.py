@@ -71,7 +71,7 @@ class StepContact:
     linear: bool = True
 
     def with_gap(self, added: Array) -> StepContact:
-        """Return the conditions with lengths, shape (n,), added to ``gap`` and the gap of ``data``."""
+        """Return the conditions with lengths added to ``gap`` and ``data.gap``, shape (n,)."""
         data = replace(self.data, gap=self.data.gap + added)
         return replace(self, gap=self.gap + added, data=data)
 
@@ -168,9 +168,9 @@ class StepEffect:
         2.0
     """
 
-    # Whether bodies may move far without being deformed.
+    # Whether bodies may have large rigid motions.
     moves_bodies: ClassVar[bool] = False
-    # The power of their duration with which the error of all steps decreases.
+    # The order of convergence in time: the power of the step size in the error.
     order: ClassVar[float] = 1
 
     @classmethod

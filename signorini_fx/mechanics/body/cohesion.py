@@ -91,7 +91,7 @@ class TearingBonds(StepEffect):
         sums = [np.dot(now.points.weight, row) for row in rows]
         names = ("broken", "process_zone", "torn")
         values = parallel.global_sum(now.boundary.comm, np.array(sums))
-        # A step in which a bond begins to soften releases a negative amount by this rule.
+        # By this rule a step in which a bond begins to soften may release a negative amount.
         released = max(float(new.fields["released"].values[0]), 0.0)
         return {**dict(zip(names, map(float, values), strict=True)), "released": released}
 

@@ -143,8 +143,8 @@ def _prepared(
         )
         loaded = _loaded(on, facets, path_step)
     resists = () if resistance is None else (resistance,)
-    # Mean ratios of Poisson follow from moduli, with round-off; in plane stress those of plane
-    # strain count.
+    # ``compressible`` tests nu <= most by the Lame parameters, with a tolerance for their round-off;
+    # in plane stress nu is that of the equivalent plane strain.
     most = LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER)
     lame = [material.lame for material in statement.material]
     model = Model(
@@ -187,7 +187,7 @@ def _prepared(
     for step in range(
         1, statement.steps if any(effect.friction.timed for effect in model.contacts) else 1
     ):
-        # Errors are found before the first step.
+        # Find errors of later steps before the first step.
         _foundations(replace(model, contacts=statement.contacts_at(step))).friction()
     return replace(model, applied=tuple(applied), **contact)
 
@@ -386,7 +386,7 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indic
         if (name := getattr(effect, key)) is not None and not (key == "against" and effect.itself)
     ]
     for (earlier_path, earlier_name), (path, name) in combinations(sides, 2):
-        # A body may carry several others on the same facets, if these have the contact points.
+        # Several bodies may touch the same facets, if the contact points are on these bodies.
         carries = path.endswith("against") and earlier_path.endswith("against")
         if carries or name not in facets or earlier_name not in facets:
             continue

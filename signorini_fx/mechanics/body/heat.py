@@ -60,7 +60,7 @@ _PASSING = 6.0
 _GROWING = 3  # turns in a row with a growing change, after which a step is given up
 
 
-# The temperature at the nodes as a step begins, and the duration of the step.
+# The nodal temperature at the beginning of a step, and the duration of the step.
 Before = tuple[Array, float]
 
 
@@ -338,7 +338,7 @@ class Conductor:
         self.on.set_time(time)
         self.temperature.x.array[:] = values
         residual = assemble(self.residual_form)
-        # Of an even temperature all powers are round-off.
+        # If the temperature is uniform all powers are round-off: compare with ``least``.
         diagonal = self._stiffness.getDiagonal().getArray(readonly=True)
         across = diagonal * np.abs(values[: self.owned])
         least = ROOT_OF_EPS * parallel.largest(comm, across)
@@ -382,7 +382,7 @@ class Conductor:
         for entry in self.given:
             if entry.film is not None:
                 held = held | np.isin(np.arange(held.size), self.nodes_of(entry))
-        linked: Array = np.zeros((pieces.count + 1,) * 2)  # the last one: what is known
+        linked: Array = np.zeros((pieces.count + 1,) * 2)  # the last row: known temperatures
         linked[pieces.of_cell[held[dofs].any(axis=1)], -1] = 1.0
         if passed is not None:
             boundary = passed.map.boundary

@@ -29,7 +29,7 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, p
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 
-# A function, and the expression that it is to be interpolated from.
+# A function, and the expression from which it is interpolated.
 Interpolation = tuple[fem.Function, fem.Expression]
 
 
@@ -104,9 +104,8 @@ def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
 class SceneLaw:
     """The elastic law of the materials of a scene; its methods are collective."""
 
-    pressed: ClassVar[bool] = (
-        False  # whether a pressure is an unknown too, so that the matrix is indefinite
-    )
+    # Whether a pressure is an unknown too, so that the matrix is indefinite.
+    pressed: ClassVar[bool] = False
 
     statement: Statement
     tagged: TaggedMesh
@@ -114,9 +113,8 @@ class SceneLaw:
     # Lame parameters as coefficients; for materials that are not isotropic some mean of them
     lame: tuple[Coefficient, Coefficient]
     stiffness: CellwiseStiffness | None = None  # None: all materials are isotropic
-    reduced: int | None = (
-        None  # quadrature degree of the volumetric term where it is reduced, else None
-    )
+    # Quadrature degree of the volumetric term if it is reduced, else None.
+    reduced: int | None = None
 
     @property
     def kinematics(self) -> Kinematics:
@@ -228,10 +226,11 @@ class SceneLaw:
     def prevented_terms(
         self, y: fem.Function, jump: Expr | None, strain: Expr | None, degree: int
     ) -> list[ufl.Form]:
-        """Return the energy of the stress of prevented initial strains and jumps.
+        """Return the energy of the stress that prevented initial strains and jumps cause; with a
+        pressure, what both add to the strain energy of y.
 
-        The strain energy is the work ``force_terms`` of y on itself, halved, minus the load of
-        these, plus this constant.
+        It completes the strain energy: half the work ``force_terms`` of y on itself, minus the work
+        of their load, plus this.
         """
         degree = degree if jump is None else max(degree, self.degree)
         prevented = self._strains(jump, strain)

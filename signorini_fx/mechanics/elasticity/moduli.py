@@ -170,9 +170,8 @@ class CellwiseStiffness:
     """The elastic stiffness of each cell, with material axes at its midpoint."""
 
     stiffness: fem.Function  # stresses from strains, see ``Kinematics.stressed``, shape (m, m)
-    free_strain: (
-        fem.Function
-    )  # the initial strain, one where a material expands alike in all directions, shape (m,)
+    # Strain of a unit initial strain, 1 in all directions for isotropic expansion, shape (m,).
+    free_strain: fem.Function
 
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.kinematics.protocol import (
 
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)
 CARTESIAN = {2: PLANE_STRAIN, 3: SPACE}
-# What materials call those of this package.
+# The kinematics of this package that materials may name as their hypothesis.
 HYPOTHESES = {kind.words: kind for kind in (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)}
 
 

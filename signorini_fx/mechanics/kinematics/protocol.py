@@ -20,33 +20,29 @@ from signorini_fx.tuned import DIGITS_OF_FILES
 class Kinematics:
     """The displacement components of a body, with their strains, measures and rigid motions."""
 
-    words: str  # what it is called
+    words: str  # its name
     dimension: int  # d, components of the displacement
     # The two axes of each rotation, which turns the first towards the second; in 3D the rotation
     # about x[0] is first.
     rotations: tuple[tuple[int, int], ...]
-    # whether the components of the strain include that along x[2], which is across the mesh
+    # Whether the strain has a component along x[2], across the mesh.
     normal_out: bool = False
     out_of_section: int = 0  # components of the displacement along x[2], which is across the mesh
-    prevented: bool = (
-        False  # whether a strain across the mesh is prevented, so that there is a stress
-    )
-    # whether forces are those of the whole body; else they are per unit of length across the mesh
+    # Whether strain across the mesh is prevented, so that there is a stress in this direction.
+    prevented: bool = False
+    # Whether forces are those of the whole body; else they are per unit thickness.
     whole: bool = False
-    uniform: bool = (
-        True  # whether areas and lengths of the mesh are those of the body, up to ``depth``
-    )
-    # By how much the quadrature degree of products of strains is higher, where these are no
-    # polynomials of the degree that the displacement has.
+    # Whether areas and lengths of the mesh are those of the body, up to ``depth``.
+    uniform: bool = True
+    # Added to the quadrature degree of products of strains that are not polynomials, as with 1 / r.
     further_degrees: int = 0
     # Which translations and rotations about the origin have no strain; None: all.
     motions_without_strain: tuple[bool, ...] | None = None
     zero_on_axis: tuple[int, ...] = ()  # components of the displacement that vanish where x[0] = 0
     least_x: float = -np.inf  # the smallest x[0] that a mesh may have
-    axis: tuple[float, ...] | None = None  # the only one of rotations; None: there are others
-    refuses: Mapping[str, str] = field(
-        default_factory=dict
-    )  # what does not go together with it, by its name, and why
+    axis: tuple[float, ...] | None = None  # the only axis of rotations; None: any
+    # Features that it cannot be combined with, and the message for each.
+    refuses: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def motions(self) -> int:
@@ -159,7 +155,7 @@ class Kinematics:
         return np.maximum(self.measure(x), 0.0)
 
 
-# Plane stress, of a thin body without stress across its plane, is the affair of the material.
+# Plane stress, of a thin body without stress across its plane, is implemented by the materials.
 SPACE = Kinematics("in 3D", 3, ((1, 2), (2, 0), (0, 1)), whole=True)
 PLANE_STRAIN = Kinematics("plane strain", 2, ((0, 1),), prevented=True)
 PLANE_STRESS = Kinematics(
@@ -224,7 +220,7 @@ def off_axis(y: Expr) -> Expr:
     return ufl.gt(x[0], DIGITS_OF_FILES * size)
 
 
-# Of the area of reference cells about their middle, over it.
+# Second moments of area of the reference cells about their midpoints, divided by their area.
 _SECOND_MOMENTS = {
     "quadrilateral": [[1 / 12, 0], [0, 1 / 12]],
     "triangle": [[1 / 18, -1 / 36], [-1 / 36, 1 / 18]],
@@ -294,7 +290,7 @@ class BodyOfRevolution(Kinematics):
         return 2 * math.pi * x[0]
 
 
-# What has no meaning, and what nobody has derived yet.
+# Features that have no meaning for bodies of revolution, or are not available yet.
 REFUSED = {
     "bending": "a section that stays in place does not bend",
     "guaranteed bound": "axisymmetric bodies have no guaranteed bound",

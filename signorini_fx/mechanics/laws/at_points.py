@@ -90,12 +90,12 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
 
     def faults() -> Iterator[tuple[Array, str, Flags]]:
         limit, derivative, _ = _values(law, points, pressure, 0.0)
-        # The bound may be a difference of numbers as large.
+        # The bound may be a difference of numbers as large as its last value.
         round_off = 4 * np.finfo(np.float64).eps * limit[-1]
         most = np.broadcast_to(envelope(pressure), limit.shape)
         for reason, wrong in _faults(law, pressure, limit, derivative, most, round_off):
             yield pressure, reason, wrong
-        # A speed that is no round number is no corner of a table.
+        # Odd numbers, because round ones may be kinks of a table.
         speeds = 1.2345 * 10.0 ** np.arange(SMALLEST_PRESSURE, 1 - SMALLEST_PRESSURE)
         few = pressure[::PRESSURES_PER_DECADE]
         for speed in speeds if law.follows_slip else (1.0,):
@@ -161,7 +161,7 @@ def _values(law: FrictionLaw, points: Ints, pressure: Array, speed: float) -> li
     pressures = np.broadcast_to(pressure, shape).ravel()
     slips = np.full(pressures.size, speed)
     for argument in (pressures, slips):
-        argument.flags.writeable = False  # a law that changes it changes that of the solver
+        argument.flags.writeable = False  # a law must not change arrays of the solver
     try:
         values = law.at(np.tile(points, shape[0])).evaluate(pressures, slips, 1.0)
     except NotImplementedError:
@@ -202,7 +202,7 @@ def _faults(
     yield "bound of {law} is negative at the pressure {pressure:g}", limit < 0
     infinite = ~(
         np.isfinite(derivative) | ((pressure == 0) & np.isposinf(derivative))
-    )  # such as that of a root
+    )  # infinite at zero is allowed, as for a square root
     yield "by_pressure of {law} is not finite at the pressure {pressure:g}", infinite
     if not law.follows_pressure:
         yield (
@@ -220,7 +220,7 @@ def _faults(
             "bound of {law} is less than its envelope, which leaves nothing unknown",
             limit < envelope - within,
         )
-    # The slope at a pressure is between those of the chords to its neighbours.
+    # The derivative must be between the slopes of the chords to the neighbouring pressures.
     step = np.diff(pressure, axis=0)
     ends = ((1, 1), (0, 0))
     chords = np.diff(limit, axis=0) / step

@@ -45,8 +45,8 @@ VectorField = Annotated[
 class FrictionAxes:
     """The axes of friction at each of n points."""
 
-    # a vector whose part in the tangent plane is along e_1, shape (n, 3); zero: friction has no
-    # direction
+    # Vectors whose part in the tangent plane is along e_1, shape (n, 3); zero: friction does not
+    # depend on the direction.
     along: Array
     ratio: Array  # r, shape (n,)
 
@@ -63,7 +63,7 @@ class FrictionAxes:
         """
         if not any(parts):
             return None
-        # Others are discs.
+        # Zero vectors: friction that does not depend on the direction.
         axes = [
             part or cls(np.zeros((size, 3)), np.ones(size))
             for part, size in zip(parts, sizes, strict=True)
@@ -137,13 +137,13 @@ def _refuse_where(wrong: Flags, key: str, reason: str, comm: MPI.Comm) -> None:
 
 
 class DirectedLaw(FrictionLaw):
-    """A law that may depend on the direction, in 3D.
+    """A friction law that may depend on the direction of slip, in 3D.
 
     Attributes:
         law: its name.
-        ratio: that of the friction across ``along`` to the friction along it; None: it is the same
-            in all directions.
-        along: a vector, whose part in the tangent plane counts; None: along x[0].
+        ratio: friction across ``along`` divided by friction along it; None: friction is the same in
+            all directions.
+        along: a vector, of which the part in the tangent plane counts; None: along x[0].
     """
 
     apart: ClassVar[tuple[str, ...]] = ("law", "ratio", "along")
