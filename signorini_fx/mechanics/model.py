@@ -205,7 +205,7 @@ class Model:
 
     @property
     def dofs(self) -> int:
-        """Global number of displacement unknowns."""
+        """The global number of displacement unknowns."""
         return int(self.space.dofmap.index_map.size_global) * self.dimension
 
     @shared_in("of_body")
@@ -469,7 +469,9 @@ class Model:
     def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
         """Return the mesh as a multigrid level above coarser ones.
 
-        Coarser levels are left out that have hardly fewer unknowns, or far too few.
+        Args:
+            coarser: the coarser levels, of which those are skipped that have hardly fewer unknowns;
+                if the next one has far too few, none is used.
         """
         dimension = self.dimension
         least, greatest = FINER_LEVELS
@@ -524,8 +526,9 @@ class Model:
             prescribed: displacements of supports, ghosts included, length, shape (dofs,).
             driven: forces and motions that drive rigid bodies; None: there are none.
             pushing: the forces that count in the resultant; None: all ``forces``.
-            pressure_load: right-hand side of the unknowns of a pressure; None: zero.
-            lifted: displacements whose forces are subtracted from the load; None: ``prescribed``.
+            pressure_load: see ``AppliedLoad``; None: zero.
+            lifted: displacements whose internal forces are subtracted from the load; None:
+                ``prescribed``.
         """
         comm = self.comm
         dim = self.dimension
@@ -653,7 +656,7 @@ class Model:
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
     def unknowns_at(self, displacement: Array, rigid: Array) -> PETSc.Vec:
-        """Return the unknowns x of a state; unknowns of a pressure stay as ``vector`` leaves them.
+        """Return the unknowns x of a state; those of a pressure are not set.
 
         Args:
             displacement: of the nodes, ghosts included, length, shape (dofs,).

@@ -84,7 +84,7 @@ def prepare(
 def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
     """Raise an error on all ranks if some rank does not find a file of the scene.
 
-    Otherwise that rank would raise it alone, and the others would wait for ever.
+    Otherwise that rank would raise it alone, and the others would wait for it.
     """
     if comm.size == 1:
         return
@@ -143,8 +143,8 @@ def _prepared(
         )
         loaded = _loaded(on, facets, path_step)
     resists = () if resistance is None else (resistance,)
-    # ``compressible`` tests nu <= most by the Lame parameters, with a tolerance for their round-off;
-    # in plane stress nu is that of the equivalent plane strain.
+    # ``compressible`` tests nu <= most by the Lame parameters, with a tolerance for their
+    # round-off; in plane stress nu is that of the equivalent plane strain.
     most = LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER)
     lame = [material.lame for material in statement.material]
     model = Model(
@@ -214,8 +214,8 @@ def _loaded(on: FormCoefficients, facets: dict[str, Indices], step: float) -> di
 
 
 def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
-    """Raise an error if the kinematics of another package give some part of the body no positive
-    volume; collective.
+    """Raise an error if the measure of kinematics of another package is negative somewhere, or zero
+    everywhere; collective.
     """
     if is_of_package(type(kinematics)):
         return

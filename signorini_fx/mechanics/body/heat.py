@@ -181,7 +181,7 @@ class Conductor:
             return conductivity * ufl.inner(ufl.grad(value), ufl.grad(test)) * around * dx
 
         def resisting(value: Expr) -> ufl.Form:
-            """Conduction and films."""
+            """Return the form of conduction and films."""
             films = (
                 on.value(entry.film) * value * test * around * d
                 for entry, d in zip(self.given, places, strict=True)
@@ -190,8 +190,8 @@ class Conductor:
             return sum(films, inside(value))
 
         def brought(entry: Heat, film: Expr) -> Expr:
-            """Return the power that an entry brings per area or volume, at a temperature at its
-            film.
+            """Return the power per area or volume that an entry brings, if the temperature at its
+            film is ``film``.
             """
             if entry.film is not None:
                 return on.value(entry.film) * (on.value(entry.ambient) - film)

@@ -58,7 +58,8 @@ def at_rest(statement: Statement) -> Statement:
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
-    """Return the quadrature degree of the volumetric part; None if it is integrated like the rest.
+    """Return the quadrature degree of the volumetric part; None if that part has no reduced
+    quadrature.
 
     Raises:
         SceneError: the mesh does not allow reduced integration.
@@ -281,8 +282,8 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
 
 
 def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Expr, Expr]:
-    """Return grad u for the isochoric and for the volumetric part, each at the points of its rule,
-    UFL, shape (3, 3).
+    """Return grad u for the shape part and for the volumetric part of the energy, each at the
+    points of its quadrature rule, UFL, shape (3, 3).
 
     Args:
         u: the displacement.
@@ -296,7 +297,7 @@ def gradients(u: Expr, kinematics: Kinematics, reduced: int | None) -> tuple[Exp
 def stress_parts(
     material: Hyperelastic | PathDependent, gradients_of_u: tuple[Expr, Expr], free: Expr | None
 ) -> list[Expr | None]:
-    """Return the isochoric and the volumetric part of the Cauchy stress, for small strains of the
+    """Return the Cauchy stress of the shape part and of the volumetric part, for small strains the
     stress, UFL, shape (3, 3).
 
     A part is None if it is zero or comes from internal variables.
@@ -341,10 +342,10 @@ def _components(material: NonlinearMaterial, measured: Expr, pairs: list[tuple[i
 def _energies(
     material: Hyperelastic | PathDependent, changes: Sequence[Expr], free: Expr | None
 ) -> list[Expr | None]:
-    """Return the isochoric and the volumetric energy per undeformed volume, UFL.
+    """Return the shape part and the volumetric part of the energy per undeformed volume, UFL.
 
-    An energy is None if the material has internal variables (isochoric part), or if it does not
-    split its energy (volumetric part).
+    The shape part is None if the material has internal variables, the volumetric part if the
+    material does not split its energy.
 
     Args:
         material: the material.

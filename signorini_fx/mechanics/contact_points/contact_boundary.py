@@ -307,7 +307,8 @@ class ContactBoundary:
         return SharedNodes(points, beside, rmatvec(self.coframes[points], self.normal[beside]))
 
     def nodal_forces(self, pressure: Array, shear: Array) -> Array:
-        """Return w (lambda n + T mu), minus the contact forces on the body, shape (n, d);
+        """Return w (lambda n + T mu), which is minus the contact forces on the body, shape (n, d).
+
         ``pushing`` replaces n where it is given.
 
         Args:

@@ -1,9 +1,9 @@
 """The interface of nonlinear materials.  A scene with one is solved by Newton's method, see
 ``scenes.nonlinear``.
 
-For finite strains a material has a stored energy per undeformed volume, in two parts: the isochoric
-one, and the volumetric one, which may be integrated with fewer points.  For small strains it has a
-stress that depends on the history, with its tangent:
+For finite strains a material has a stored energy per undeformed volume in two parts: that of the
+shape, and that of the volume, which may be integrated with fewer points.  For small strains it has
+a stress that depends on the history, with its tangent.  An example of the former:
 
     class Soft(Hyperelastic):
         law: Literal["soft"] = "soft"
