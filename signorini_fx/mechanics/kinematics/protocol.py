@@ -91,8 +91,8 @@ class Kinematics:
 
     @cached_property
     def unbalanced(self) -> Flags:
-        """For which rigid motions the forces on the whole body do not cancel by symmetry, shape
-        (motions,).
+        """Flags of the rigid motions for which forces on the whole body do not cancel by symmetry,
+        shape (motions,).
         """
         return np.array(self.motions_without_strain or (True,) * self.motions)
 
