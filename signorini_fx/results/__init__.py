@@ -1,5 +1,6 @@
-"""The results of a solve, which this package evaluates and writes: it must not know which algorithm
-found them.
+"""The results of a solve: this package evaluates and writes them.
+
+It must not depend on the algorithm that found them.
 """
 
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.

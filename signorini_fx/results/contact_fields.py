@@ -1,5 +1,5 @@
-"""What contact does to the body as Functions, which UFL can go on with: on its mesh, and on that of
-the boundary.
+"""Contact pressure, shear, gap and slip as Functions for use in UFL: on the mesh of the body, and
+on a mesh of the contact boundary.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class ContactFields:
     Attributes:
         pressure: lambda, stress, scalar.
         shear: mu, stress, a vector: the foundation acts on the body with - lambda n - mu.
-        gap: what is left of the gap, d - tau_N y, length, scalar; zero in contact but for the
+        gap: the current gap d - tau_N y, length, scalar; zero in contact except for the
             regularisation.
         slip: tau_T y since the last ``advance``, length, a vector.
     """
@@ -40,7 +40,7 @@ class ContactFields:
 
     @classmethod
     def on(cls, space: fem.FunctionSpace) -> ContactFields:
-        """Zero, for displacements in a space."""
+        """Return zero fields for displacements in a function space."""
         mesh = space.mesh
         degree = 1 if averaging(space) else int(space.element.basix_element.degree)
         scalar = fem.functionspace(mesh, ("Lagrange", degree))
@@ -59,10 +59,14 @@ class ContactFields:
         state: ContactState | None,
         selected: Flags | None = None,
     ) -> None:
-        """The values of a state, zero without one; collective.
+        """Copy the nodal values of a contact state into the fields, or zero without a state.
+        Collective.
 
-        ``selected``: the points to take, None: all; of a node of two contacts the later one is
-            taken.
+        Args:
+            space: the function space of the displacement.
+            state: the contact state of this rank.
+            selected: which points to copy, shape (n,); None for all.  At a node of two contacts the
+                later one counts.
         """
         if state is None:
             for field in (self.pressure, self.shear, self.gap, self.slip):
@@ -100,10 +104,9 @@ class BoundaryFields(ContactFields):
     """The Functions of ``ContactFields`` on a mesh of the contact boundary.
 
     Attributes:
-        mesh: of the facets, of one dimension less than the body, in the same space; shared by the
-            same ranks, of which some may have no cell.
-        facets: local number of the facet of the body that each cell on this rank is, ghosts
-            included.
+        mesh: mesh of the facets, of one dimension less than the body, in the same space; it is
+            shared by the same ranks, of which some may have no cell.
+        facets: local number of the facet of the body for each cell on this rank, ghosts included.
     """
 
     mesh: dmesh.Mesh
@@ -117,10 +120,14 @@ def boundary_fields(
     number: int | None,
 ) -> BoundaryFields:
     """Return the fields of a state on a mesh of its contact boundaries, see
-    ``Solution.boundary_fields``; collective.
+    ``Solution.boundary_fields``.  Collective.
 
-    ``facets``: of each contact, those whose cell this rank owns, local numbers; of pairs on the
-        side with the points.
+    Args:
+        space: the function space of the displacement.
+        state: the contact state of this rank.
+        facets: local numbers of the facets of each contact whose cell this rank owns; of pairs
+            those on the side with the points.
+        number: the contact to take, from 0; None for all.
     """
     if number is not None and not 0 <= number < len(facets):
         raise ValueError(
@@ -149,8 +156,10 @@ def boundary_fields(
 def _nodes_of_parent(
     part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: Indices
 ) -> Indices:
-    """Return the parent's node at each node of each cell of the part, by position: orders in facets
-    differ between cells.
+    """Return the node of the parent space at each node of each cell of ``part``, shape (cells,
+    nodes of a cell).
+
+    Nodes are matched by position, because their order in facets differs between cells.
     """
     parent_nodes = facet_nodes(parent, facets)
     part_nodes = part.dofmap.list

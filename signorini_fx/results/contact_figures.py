@@ -1,9 +1,8 @@
-"""Figures of contact boundaries, the friction that loads use, and the forces through tightened
-sections.
+"""Area and forces of contact boundaries, the share of friction that loads use, and forces through
+tightened sections.
 
-Where a boundary closes around a body, as the seat of a hub on its shaft does, resultants are
-round-off: there the moment of friction about the middle of the boundary is what the fit is made
-for.
+On a boundary that closes around a body, as the seat of a hub on its shaft, resultant forces are
+round-off: there the relevant figure is the moment of friction about the middle of the boundary.
 """
 
 from __future__ import annotations
@@ -34,7 +33,9 @@ if TYPE_CHECKING:
 def contact_figures(
     model: Model, kinematics: Kinematics, contact: ContactState
 ) -> list[ContactFigures]:
-    """Return the figures of each contact boundary, in the order of the scene; collective."""
+    """Return area, pressure and forces of each contact boundary, in the order of the scene.
+    Collective.
+    """
     boundary = contact.boundary
     comm = contact.boundary.comm
     figures = []
@@ -88,10 +89,10 @@ def contact_figures(
 
 
 def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
-    """Return the figures of each corner of a foundation in contact, in the order of the scene;
-    collective.
+    """Return force, state and contact width of each corner of a foundation in contact, in the order
+    of the scene.  Collective.
 
-    A force P makes a contact of the width P / (E tan b), with the angle b between the facet and the
+    A force P makes a contact of width P / (E tan b), where b is the angle between the facet and the
     nearer side of the corner; on the axis of a body of revolution the root of 2 P / (pi E tan b).
     """
     boundary = contact.boundary
@@ -141,7 +142,9 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
 
 
 def _slip_speed(contact: ContactState, on_part: Flags) -> dict[str, Any]:
-    """``slip_speed`` where friction follows the speed; collective."""
+    """Return the smallest and largest ``slip_speed`` of slipping points where friction depends on
+    the speed, and otherwise nothing.  Collective.
+    """
     if contact.speed is None:
         return {}
     slips = on_part & contact.in_contact & np.any(contact.direction != 0, axis=1)
@@ -154,8 +157,10 @@ def _slip_speed(contact: ContactState, on_part: Flags) -> dict[str, Any]:
 def _moment_about_middle(
     contact: ContactState, part: int
 ) -> tuple[float | list[float | None] | None, float | None]:
-    """``moment`` and ``moment_limit`` of a part; None and None: the boundary is not closed;
-    collective.
+    """Return the moment of friction about the middle of a closed contact boundary and its limit.
+    Collective.
+
+    Returns (None, None) if the boundary is not closed.
     """
     boundary = contact.boundary
     comm = contact.boundary.comm
@@ -182,9 +187,14 @@ def _moment_about_middle(
 
 
 def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """Return the sum of the largest shears in the direction of a resultant, zero: in any.
+    """Return the sum of the largest friction forces in the direction of a resultant; if it is zero,
+    in the direction of the larger friction.  Collective.
 
-    ``tangents``: the semi-axes.
+    Args:
+        tangents: semi-axes of the friction ellipse at each point, shape (n, d, d - 1).
+        bound: friction bound times weight, shape (n,).
+        resultant: the resultant friction force.
+        comm: the ranks.
     """
     lengths = np.linalg.norm(tangents, axis=1)
     largest = lengths.max(axis=1)
@@ -196,9 +206,11 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
 
 
 def friction_used(model: Model, contact: ContactState, step: float) -> float | None:
-    """Return the share of its friction that the loads of a solution use: with friction bounds as
-    they are, the nodes in contact balance the loads up to 1 / share of their size; of several
-    bodies the largest; None without friction, or if supports hold the body; collective.
+    """Return the share of the available friction that the loads of a solution use.  Collective.
+
+    With the present friction bounds the nodes in contact could balance loads of up to 1 / share
+    times their size.  Of several bodies the largest share is returned, and None without friction or
+    if supports hold the body.
     """
     if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
@@ -218,7 +230,7 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
 
 
 def load_on(model: Model, step: float) -> Array:
-    """Return the work of the loads of a load step on the free motions, shape (k,); collective."""
+    """Return the work of the loads of a step on the free rigid motions, shape (k,).  Collective."""
     motions = model.motions
     loads = [
         (
@@ -233,10 +245,11 @@ def load_on(model: Model, step: float) -> Array:
 
 
 def section_forces(model: Model, displacement: fem.Function, step: float) -> list[SectionForce]:
-    """Return the force through each section that a scene shortens, a tension: with the jump J of a
-    shortening of one, which is that of the cells beyond the section alone, the work of the stress
-    there on J without that of the loads in these cells; loads on their surface do not count;
-    collective.
+    """Return the tension through each section that a scene shortens.  Collective.
+
+    Let J be the jump of a shortening of one, which moves only the cells beyond the section.  The
+    force is the work of the stress in these cells on J, without the work of the loads in these
+    cells; loads on their surface do not count.
     """
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 

@@ -1,8 +1,8 @@
-"""The fields of a result and its contact surface in 3D for ParaView, in VTK's XML format.
+"""Files for ParaView, in VTK's XML format: the fields of a result, and its contact surface in 3D.
 
-Each file is one unstructured grid in base64: ParaView, PyVista and meshio read it.  Each rank
-writes its own cells into it, and no rank has those of another.  (meshio reads neither the raw form
-reliably nor files of several pieces.)
+Each file is one unstructured grid in base64, which ParaView, PyVista and meshio read.  Each rank
+writes its own cells into it, and no rank gathers those of another.  (meshio reads neither the raw
+form reliably nor files of several pieces.)
 """
 
 from __future__ import annotations
@@ -34,11 +34,13 @@ FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER)
 
 
 def write_fields(solution: Solution, folder: Path) -> list[str]:
-    """Return the names of the files that are written: displacement, stresses and shear energy
-    density in one file, with points of its own in each cell, as raw stresses jump; with load steps
-    one for each with a solution, and their list with their times.  The stress has nine components,
-    which ParaView takes for a tensor, in 2D too.  An OSError is raised on all ranks alike;
-    collective.
+    """Write displacement, stresses and shear energy density for ParaView and return the names of
+    the files.  Collective.
+
+    There is one file, and with load steps one for each step with a solution and a list of them with
+    their times.  Each cell has its own points, because raw stresses jump between cells.  The stress
+    has nine components, which ParaView reads as a tensor, in 2D too.  An OSError is raised on all
+    ranks alike.
     """
     if not solution.model.path.several:
         write_vtu(folder / VTU, solution.comm, *grid_of(solution.at(solution.last_step)))
@@ -62,8 +64,8 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
 
 
 def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
-    """Points, cells, their kind, and the fields at the points of the cells that this rank owns, see
-    ``write_vtu``.
+    """Return points, cells, VTK's cell type, and fields at the points, for the cells that this rank
+    owns, see ``write_vtu``.  Collective.
     """
     fields = fields_in_cells(moment)
     space = fields["von_mises" if "von_mises" in fields else "displacement"].function_space
@@ -90,7 +92,7 @@ def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
 
 
 def computed_fields(solution: Solution) -> dict[str, fem.Function]:
-    """Return what effects have computed at the nodes for the step that is shown, by name."""
+    """Return the nodal fields that effects have computed for the shown step, by name."""
     space = solution.model.space
     nodes = fem.functionspace(space.mesh, ("Lagrange", space.element.basix_element.degree))
     functions = dict[str, fem.Function]()
@@ -101,8 +103,8 @@ def computed_fields(solution: Solution) -> dict[str, fem.Function]:
 
 
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
-    """Every field under its name, in discontinuous functions of the degree of the element;
-    collective.
+    """Return every field by name, as a discontinuous function of the degree of the element.
+    Collective.
     """
     mesh = solution.model.tagged.mesh
     degree = solution.model.space.element.basix_element.degree
@@ -143,8 +145,8 @@ _STATES = ("open", "stick", "slip")
 
 
 def facets_of(table: ContactTable) -> Ints:
-    """Return the rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m,
-    3), (m, 4) or (m, 9).
+    """Return the rows of a contact table in 3D at the nodes of each facet, in VTK's order, shape
+    (m, 3), (m, 4) or (m, 9).
     """
     assert table.facets is not None
     facets = table.facets[(table.facets >= 0).all(axis=1)]
@@ -152,7 +154,7 @@ def facets_of(table: ContactTable) -> Ints:
 
 
 def write_surface(path: Path, table: ContactTable) -> None:
-    """A .vtu file of the contact surface; on one rank."""
+    """Write the contact surface as a .vtu file; on one rank."""
     c = table.columns
     facets = facets_of(table)
 
@@ -177,12 +179,15 @@ _NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype
 def write_vtu(
     path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int, fields: Mapping[str, Array]
 ) -> None:
-    """Write the cells of all ranks as one grid; collective.
+    """Write the cells of all ranks as one grid.  Collective.
 
-    ``points``: of this rank, shape (n, 3).
-    ``cells``: their local numbers in VTK's order, shape (cells, corners).
-    ``kind``: VTK's number.
-    ``fields``: values at the points, shape (n,) or (n, components).
+    Args:
+        path: the file.
+        comm: the ranks.
+        points: points of this rank, shape (n, 3).
+        cells: local numbers of the points of each cell in VTK's order, shape (cells, corners).
+        kind: VTK's number of the cell type.
+        fields: values at the points, shape (n,) or (n, components).
     """
     corners = cells.shape[1]
     first_cell = parallel.rows_before(comm, len(cells))
@@ -217,12 +222,12 @@ def write_vtu(
 
 
 def _append(path: Path, comm: MPI.Comm, text: str, values: Array | None = None) -> None:
-    """Write a text at the end of a file, and behind it the values of all ranks in base64, with the
-    number of their bytes first.
+    """Append a text to a file, and after it the values of all ranks in base64, preceded by the
+    number of their bytes.  Collective.
 
-    Four characters are three bytes: a rank begins with its first whole three bytes, and takes what
-    its last ones lack from the ranks behind it.  An OSError is raised on all ranks alike;
-    collective.
+    Four characters encode three bytes: a rank starts at its first group of three bytes, and takes
+    the missing bytes of its last group from the next ranks.  An OSError is raised on all ranks
+    alike.
     """
     own = b"" if values is None else values.tobytes()
     sizes = comm.allgather(len(own))
@@ -247,7 +252,7 @@ def _append(path: Path, comm: MPI.Comm, text: str, values: Array | None = None) 
 
 
 def _append_text(path: Path, text: str) -> int:
-    """Write a text at the end of a file; return how many bytes it has then."""
+    """Append a text to a file and return the size of the file afterwards, in bytes."""
     with path.open("ab") as file:
         file.write(text.encode())
         return file.tell()

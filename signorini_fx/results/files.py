@@ -101,9 +101,8 @@ def write_results(
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
-    The result is in its place before guaranteed bounds, friction used, further tables and pictures
-    are
-    made.  One of these that fails is a warning in the summary.
+    The result is in place before guaranteed bounds, friction used, further tables and pictures are
+    made.  If one of these fails, the summary has a warning.
 
     Args:
         solution: what to write, converged or not.
@@ -169,7 +168,9 @@ def write_results(
 
 
 def title_of_result(folder: Path) -> str | None:
-    """Return the title of the scene whose result a folder has, or None if it has none."""
+    """Return the title of the scene whose result is in a folder, or None if the folder has no
+    result.
+    """
     try:
         return str(read_summary(folder).get("title", ""))
     except ResultError:
@@ -177,7 +178,7 @@ def title_of_result(folder: Path) -> str | None:
 
 
 def _standing(solution: Solution) -> dict[str, Any]:
-    """Return the figures of the solution and its scene; collective."""
+    """Return the summary of the solution and a description of its scene.  Collective."""
     model = solution.model
     tables = solution.statement.tables
     if "forms" in tables:
@@ -197,8 +198,8 @@ class _Written:
     def write(
         self, fields: bool, gather: Callable[[Solution], Any] | None, missing: str
     ) -> dict[str, Any]:
-        """Return what stands first; then what is said about it, and the pictures, of which each may
-        fail.
+        """Write the result, then bounds, further tables and pictures, each of which may fail, and
+        return the summary.
         """
         solution = self.solution
         folder = self.folder
@@ -230,7 +231,7 @@ class _Written:
         return summary
 
     def _stands(self, table: ContactTable | None, fields: bool) -> dict[str, Any]:
-        """Return fields and the tables that everything else is about; returns the summary."""
+        """Write the fields and the tables of the result, and return the summary."""
         solution = self.solution
         comm = self.solution.comm
         part = self.folder.part
@@ -277,7 +278,9 @@ class _Written:
         return summary
 
     def _tables(self, table: ContactTable | None) -> None:
-        """The tables that show more of it."""
+        """Write the further tables: convergence table, contact surface, and contact by load
+        step.
+        """
         solution = self.solution
         part = self.folder.part
         along_steps = (
@@ -298,7 +301,7 @@ class _Written:
         self._on_root(write)
 
     def _pictures(self, table: ContactTable | None, gathered: Any) -> None:
-        """All pictures, beside the tables that some of them are drawn from."""
+        """Draw all pictures; some are drawn from tables that are already written."""
         solution = self.solution
         folder = self.folder
 
@@ -314,7 +317,7 @@ class _Written:
         self._on_root(draw)
 
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
-        """Write the summary, with what it lacks so far."""
+        """Write summary.json, with a warning for each entry that is still absent."""
         reason = "is missing: the run ended before it was complete"
         findings = [
             *summary["findings"],
@@ -326,7 +329,7 @@ class _Written:
         )
 
     def _on_root(self, write: Callable[[], object]) -> None:
-        """Write files on the first rank."""
+        """Write files on the first rank; an OSError becomes an OutputError on all ranks."""
 
         def attempt() -> None:
             try:
@@ -338,8 +341,8 @@ class _Written:
 
 
 def for_json(value: Any) -> Any:
-    """Plain data for JSON: values that a failed solve could not compute become null; no control
-    characters.
+    """Return plain data for JSON: numbers that are not finite become null, control characters are
+    escaped.
     """
     if isinstance(value, dict):
         return {for_json(key): for_json(item) for key, item in value.items()}
@@ -351,8 +354,8 @@ def for_json(value: Any) -> Any:
 
 
 def _contact_by_step(solution: Solution) -> Table:
-    """Return the columns of the contact boundary in all load steps, their numbers first; empty on
-    other ranks; collective.
+    """Return the columns of the contact boundary in all load steps, the number of the step first;
+    empty on ranks other than the first.  Collective.
     """
     tables: list[Table] = []
     for result in solution.shown_steps:
@@ -376,11 +379,14 @@ def describe(
     without: tuple[str, ...] = (),
     of_file: Callable[[Path], str] = lambda path: path.name,
 ) -> Any:
-    """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be
-    written.
+    """Return scene data as JSON-safe values: expressions as text, and the name of the type for
+    everything that cannot be written.
 
-    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have.
-    ``of_file``: what stands for a file.
+    Args:
+        value: the data.
+        without: keys of tables to leave out, because a scene in 2D, or one in 3D, does not have
+            them.
+        of_file: returns the text that represents a file.
     """
 
     def inner(value: Any) -> Any:
@@ -408,7 +414,7 @@ def describe(
 
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row of a table in which each component of a vector has a column."""
+    """Return a row of a table in which each component of a vector has its own column."""
     columns: dict[str, Any] = {}
     for name, value in row.items():
         one = isinstance(value, list)

@@ -31,14 +31,14 @@ CHECKPOINT = "checkpoint"
 
 
 class ResultFolder:
-    """The claim of one run on a folder, from its first moment to its last; every method is
-    collective.
+    """The claim of one run on a result folder.  Every method is collective.
 
     The claim is a lock on the folder itself, which the system releases when the process ends in any
-    way.  Used as a context, it removes at its end what was written after the last ``commit`` or
-    ``add``, and releases the folder.
-    ``names``: the files and folders that the run may write; ``part``: where to write what
-    ``commit`` or ``add`` will move into place; ``committed``: whether there is a result of this
+    way.  Used as a context manager, it removes at its end what was written after the last
+    ``commit`` or ``add``, and releases the folder.
+
+    ``names``: the files and folders that the run may write.  ``part``: where to write what
+    ``commit`` or ``add`` will move into place.  ``committed``: whether there is a result of this
     run.
 
     Raises:
@@ -77,7 +77,7 @@ class ResultFolder:
             self._remove()
 
     def commit(self) -> None:
-        """Put what was written in the place of the results of earlier runs, the summary last."""
+        """Replace the results of earlier runs with what was written, the summary last."""
 
         def replace(new: list[str]) -> None:
             # Listed before they are there: if this is interrupted, the next run knows them.
@@ -91,7 +91,7 @@ class ResultFolder:
             self.committed = True
 
     def add(self) -> None:
-        """Put what was written since then beside it, the summary last."""
+        """Add what was written since ``commit`` to the results, the summary last."""
         with signals.deferred():
             parallel.on_root(
                 self._comm, lambda: self._move(lambda new: manifest.add(self.path, new))
@@ -116,7 +116,7 @@ class ResultFolder:
             manifest.begin_part(self.path)
 
     def _remove(self) -> None:
-        """Remove what is not in place; older results stay."""
+        """Remove what is not in place and release the folder; older results stay."""
         manifest.remove_part(self.path)
         if self._made:
             with contextlib.suppress(OSError):
@@ -147,8 +147,8 @@ class ResultFolder:
 
 
 def refuse_foreign(folder: Path, names: Iterable[str]) -> None:
-    """Raise ``OutputError`` if there is something at these places of a folder that no run has
-    written; on one rank.
+    """Raise ``OutputError`` if a folder has files at these names that no run has written; on one
+    rank.
     """
     if foreign := manifest.foreign(folder, names):
         listed = ", ".join(foreign[:5]) + (

@@ -1,4 +1,4 @@
-"""The limit of a ramp: the loads of its last load step with a solution, and how it ends."""
+"""The limit of a ramp: the loads of its last load step with a solution, and why it ended there."""
 
 from __future__ import annotations
 
@@ -27,9 +27,11 @@ _WAYS = {Status.SLIDES: "slides", Status.TIPS: "tips over", Status.OPEN: "lifts 
 
 
 def growing_force(model: Model, place: float) -> tuple[Array, Array]:
-    """Return the resultant of the forces that grow at a place on the path, there and at the next
-    factor, force, in 2D per thickness, shape (d,) each, of axisymmetric bodies along the axis;
-    nought where none grows; collective.
+    """Return the resultant of the growing forces at a position on the path and at the next factor,
+    shape (d,) each.  Collective.
+
+    In 2D forces are per thickness; of axisymmetric bodies only the axial component is returned.  It
+    is zero if no force grows.
     """
     places = (place, floor(place) + 1.0)
     along = slice(None) if model.kinematics.uniform else [1]
@@ -47,8 +49,8 @@ def growing_force(model: Model, place: float) -> tuple[Array, Array]:
 def motion_in_words(
     status: Status | None, moving: Sequence[str] = ("the body",), at_rest: Sequence[str] = ()
 ) -> str:
-    """Return how bodies leave their equilibrium in a few words, such as: upper slides on lower; "":
-    the status says nothing of a motion.
+    """Return how bodies leave their equilibrium, such as: upper slides on lower; "" if the status
+    is no motion.
     """
     if status not in _WAYS:
         return ""
@@ -57,21 +59,25 @@ def motion_in_words(
 
 
 def ended_by(status: Status, told: Sequence[Finding]) -> str:
-    """Return how a ramp has ended in a few words.
+    """Return in a few words how a ramp has ended.
 
     Args:
-        status: of the load step without a solution.
-        told: what is known of it.
+        status: status of the load step without a solution.
+        told: findings about that step.
     """
     ended = next((found.ended for found in told if found.ended), "") or motion_in_words(status)
     return ended or f"{'most likely, ' * (status in UNDECIDED)}{status.value}"
 
 
 def limit_of_ramp(model: Model, time: float, place: float, loads: str, reason: str) -> LimitOfRamp:
-    """Return the limit of a ramp that has come to a place and a time on its path; collective.
+    """Return the limit of a ramp at its last solution.  Collective.
 
-    ``loads``: what it bears there, in words.
-    ``reason``: see ``ended_by``.
+    Args:
+        model: the body on its mesh.
+        time: time of the last solution.
+        place: its position in the lists of load factors.
+        loads: the loads that the body carries there, in words.
+        reason: how the ramp has ended, see ``ended_by``.
     """
     held, full = map(np.linalg.norm, growing_force(model, place)) if loads else (0.0, 0.0)
     force = {"force": float(held), "full_force": float(full)} if full > 0.0 else {}

@@ -1,4 +1,6 @@
-"""What results are made of: contact conditions, stresses and forces of a model."""
+"""The mechanics from which results are evaluated: contact conditions, stresses and forces of a
+model.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +43,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Mechanics(ABC):
-    """What says the forces and stresses of a model, and what holds at its contact points: entries
-    by name, forms, or a residual.
+    """Forces and stresses of a model, and the conditions at its contact points.
+
+    Subclasses take them from named entries of a scene, from forms, or from a residual.  A ``step``
+    is the position in the lists of load factors.
     """
 
     no_bounds: ClassVar[str] = ""  # why there are no guaranteed bounds; "": there may be
@@ -51,8 +55,8 @@ class Mechanics(ABC):
     statement: Statement  # names; of forms of a user's own less than all that acts
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
-        """Return the contact points at a displacement, and what holds there; None if there is no
-        contact; collective.
+        """Return the contact points at a displacement and their conditions, or None without
+        contact.  Collective.
         """
         if self.model.boundary is None:
             return None
@@ -71,41 +75,41 @@ class Mechanics(ABC):
         return ContactConditions(*points, self.model.law, data.bilateral, pairs, data.bond)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
-        """Return the shapes of hard foundations at a place in the lists of factors; None: the
-        present.
-        """
+        """Return the shapes of hard foundations at a step; None for the present ones."""
         return ()
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
-        """Return the stress of a displacement at a place in the lists of factors, or why it is not
-        known; collective.
+        """Return the stress of a displacement at a step, or the reason why it is not known.
+        Collective.
         """
 
     @cached_property
     def recovery(self) -> StressRecovery:
-        """What projects the stress of any displacement; collective."""
+        """The stress recovery, which projects the stress of any displacement.  Collective."""
         raise RuntimeError("a nonlinear body has no recovered stress")
 
     def loads_at(self, step: float) -> Loads:
-        """Return all loads at a place, times their factors; collective."""
+        """Return all loads at a step, times their factors.  Collective."""
         raise RuntimeError("the loads of a nonlinear body are in its residual")
 
     def load(self, system: ElasticSystem, step: float) -> Array:
-        """Give a system the loads that depend on the time as they are at a place, and return the
-        factors of all loads, for ``system.set_load``; collective.
+        """Update the loads of a system that depend on time to a step, and return the factors of all
+        loads for ``system.set_load``.  Collective.
         """
         raise RuntimeError("the loads of a nonlinear body are in its residual")
 
     @abstractmethod
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """Return the forces on the body without contact at a displacement and a place in the lists
-        of factors; collective.
+        """Return the forces on the body without contact at a displacement and a step.
+        Collective.
         """
 
     @abstractmethod
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """Return the forces at a displacement with the names of what acts; collective."""
+        """Return the forces on the body at a displacement and a step, each with its name.
+        Collective.
+        """
 
     def certified(
         self,
@@ -118,11 +122,11 @@ class Mechanics(ABC):
         rigid: tuple[RigidBodyMotion, ...],
         more: Sequence[Callable[[Array], AddedForces | None]] = (),
     ) -> Certificate:
-        """Return the certificate of a result at a place; collective.
+        """Return the certificate of a result at a step.  Collective.
 
-        ``last``: the end of the last load step.
-        ``more``: give what effects in time add to the balance at a displacement; for the other
-            arguments see ``results.certificate.certificate.judged``.
+        For arguments that are not listed see ``results.certificate.certificate.judged``.  ``last``
+        is the end of the last load step; ``more`` are functions of the displacement that return
+        what effects in time add to the balance.
         """
         balance = self.balance(displacement, step)
         driving: Sequence[Drive] = self.drives(step)
@@ -136,13 +140,13 @@ class Mechanics(ABC):
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
 
     def drives(self, step: float) -> list[Drive]:
-        """Return what drives rigid bodies at a place."""
+        """Return the forces, moments or motions that drive rigid bodies at a step."""
         return self.model.rigid.drives()
 
 
 @dataclass(frozen=True)
 class StatedMechanics(Mechanics):
-    """The mechanics of a model that the entries of its statement say all of."""
+    """The mechanics of a model that the entries of its statement describe completely."""
 
     def drives(self, step: float) -> list[Drive]:
         return self.statement.drives(self.model.tagged.dimension, step)
@@ -195,8 +199,16 @@ def acting_on(
     *,
     displaced: bool = False,
 ) -> ActingForces:
-    """Return what acts on the body of a statement, ``followers`` among it, with the names of the
-    statement; collective.
+    """Return the forces on the body of a statement, each with its name in the statement.
+    Collective.
+
+    Args:
+        forces: the nodal forces of the statement.
+        balance: the forces on the body without contact.
+        y: displacement.
+        step: position in the lists of load factors.
+        followers: named forces that follow the body, to be included.
+        displaced: whether forces act at the displaced points.
     """
     from signorini_fx.results.resultants import ActingForces
 
@@ -219,24 +231,25 @@ class StepResult:
 
     Attributes:
         step: its number, from 1.
-        place: its place in the lists of factors, see ``statement.load_path``: 0 for the first
+        place: its position in the lists of factors, see ``statement.load_path``: 0 for the first
             factor.
         time: its time.
-        name: its name; "": it has none.
+        name: its name; "" without one.
         status: how it ended.
         displacement: y at its end, length.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         certificate: the check of the conditions of the step.
         deformation: how much the body is deformed.
         strain_energy: a(y, y) / 2, an energy per thickness; None of a nonlinear body.
-        linear_solves: linear solves of the step.
-        rigid_bodies: how rigid bodies have moved.
-        figures: what effects in time tell of it, by names.
-        told: what they say of it.
-        between: the times and figures of shorter steps since the load step before.
-        reason: why there is no solution; None: it is not known, or told by ``check``.
-        acting: gives what acts on the body beside contact, where that is not what is stated at its
-            displacement: forces of inertia; None: it is; collective.
+        linear_solves: number of linear solves of the step.
+        rigid_bodies: the motions of rigid bodies.
+        figures: figures that effects in time compute, by name.
+        told: findings of these effects.
+        between: times and figures of shorter steps since the previous load step.
+        reason: why there is no solution; None if it is not known, or reported by ``check``.
+        acting: returns the forces on the body other than contact, where they are not those of the
+            statement at this displacement, such as forces of inertia; None where they are;
+            collective.
     """
 
     step: int

@@ -1,7 +1,6 @@
-"""The forces on the nodes of bodies of nonlinear materials, and their Cauchy stress, from their
-states and their UFL.
+"""Nodal forces and Cauchy stress of bodies of nonlinear materials, from their states and their UFL.
 
-The stress is evaluated at the points of quadrature, where the material is.  The fields are
+The stress is evaluated at the quadrature points, where the material has its state.  The fields are
 polynomials of degree k - 1 in each cell of degree k, the nearest ones to the values at its points:
 those of a higher degree would leave the yield surface at the nodes.
 """
@@ -47,9 +46,11 @@ Path = Sequence[tuple[fem.Function, float]]
 
 
 class NonlinearForces(NodalForces):
-    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``, and the stress of
-    its load steps; kept are the states of the last one alone: those of all would take many times
-    the memory of the displacements.
+    """Nodal forces of a body of nonlinear materials, see ``NodalForces``, and the stress of its
+    load steps.
+
+    Only the material states of the last step are kept: those of all steps would take many times the
+    memory of the displacements.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
@@ -60,24 +61,24 @@ class NonlinearForces(NodalForces):
 
     @cached_property
     def _body(self) -> BodyResidual:
-        """The work of the stress at the displacement of its own."""
+        """The work of the stress at ``_u``, the displacement of this object."""
         return body_residual(*self._stated, self._u)
 
     def _move_to(self, displacement: fem.Function, step: float) -> None:
-        """Take a displacement and a place."""
+        """Set the displacement and the step."""
         self._u.x.array[:] = displacement.x.array
         self._body.move_to(step)
 
     def residual(self, displacement: fem.Function, step: float) -> Array:
-        """Return forces of materials without a state, springs and loads, forces of shape (owned
-        dofs,); collective.
+        """Return the sum of the internal forces of materials without a state and of springs, minus
+        the loads, shape (owned dofs,).  Collective.
         """
         self._move_to(displacement, step)
         forms = self._compiled("residual", lambda: [self._body.form])
         return (self._sum(forms) - self.external(step)).ravel()
 
     def of_followers(self, displacement: fem.Function, step: float) -> list[NamedForces]:
-        """Return the forces of loads that follow the body, with their names; collective."""
+        """Return the forces of loads that follow the body, with their names.  Collective."""
         self._move_to(displacement, step)
         followers = self._body.followers
         loads = list[NamedForces]()
@@ -89,7 +90,9 @@ class NonlinearForces(NodalForces):
         return loads
 
     def _go_through(self, path: Path) -> None:
-        """Take the materials to the end of load steps; none: before the first one."""
+        """Update the material states through all load steps of a path; an empty path resets
+        them.
+        """
         count = len(self._path)
         points = self._body.points
         if count > len(path) or any(
@@ -105,8 +108,10 @@ class NonlinearForces(NodalForces):
         self._path = tuple(path)
 
     def stress_after(self, path: Path) -> PointStress:
-        """Return the Cauchy stress at the points of quadrature at the end of load steps; a mean
-        stress that is integrated with fewer points is the polynomial through them; collective.
+        """Return the Cauchy stress at the quadrature points at the end of a path.  Collective.
+
+        A mean stress that is integrated with fewer points is interpolated by the polynomial through
+        them.
         """
         self._go_through(path[:-1])
         self._move_to(*path[-1])
@@ -143,7 +148,7 @@ class NonlinearForces(NodalForces):
 
 
 def _evaluated(expression: Expr, points: Array, mesh: dmesh.Mesh, cells: Indices) -> Array:
-    """UFL at points of cells, shape (cells, points, ...)."""
+    """Return the values of a UFL expression at points of cells, shape (cells, points, ...)."""
     with compiling():
         compiled = fem.Expression(expression, points)
     return np.asarray(compiled.eval(mesh, cells)).reshape(
@@ -152,8 +157,10 @@ def _evaluated(expression: Expr, points: Array, mesh: dmesh.Mesh, cells: Indices
 
 
 def nonlinear_stresses(mechanics: Mechanics, forces: NonlinearForces, path: Path) -> RawStresses:
-    """Return the Cauchy stress at the end of load steps, at small strains the stress; nothing is
-    recovered, and no error estimated; collective.
+    """Return the Cauchy stress at the end of a path, which at small strains is the stress.
+    Collective.
+
+    Nothing is recovered, and no error is estimated.
     """
     at_points = forces.stress_after(path)
     space = mechanics.model.space

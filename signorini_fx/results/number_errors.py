@@ -52,14 +52,16 @@ if TYPE_CHECKING:
 # The largest pressure is not resolved if it differs by more than the first share from those beside
 # it; it still grows towards an end if it bends by more than the second.
 _UNRESOLVED, _GROWS = 2 * NOTABLE, NOTABLE / 5
-# With fewer nodes in contact no figure of the contact tells anything but its first digit.
+# With fewer nodes in contact no figure of the contact has more than one correct digit.
 _TOO_FEW = FEW_NODES // 2 + 1
 # Points at which loads are compared, on a facet in 2D, and as a degree of quadrature in 3D.
 _FINE, _FINE_DEGREE = 400, 40
 
 
 def printed_numbers(solution: Any) -> dict[str, PrintedNumber]:
-    """Return the numbers that are printed of a solution, by their names; collective."""
+    """Return the numbers of a solution that are printed, with their errors, by name.
+    Collective.
+    """
     found = dict[str, PrintedNumber]()
     if solution.contact is not None and solution.table.touching:
         found |= _forces(solution) | _moments(solution) | _motions(solution)
@@ -73,8 +75,10 @@ def printed_numbers(solution: Any) -> dict[str, PrintedNumber]:
 
 @dataclass(frozen=True)
 class _Resultant:
-    """A resultant force on a body: the name of its number, the force, the contacts that it is of,
-    and 1 if it is friction, else 0.
+    """A resultant contact force on a body.
+
+    ``name`` is the name of the printed number, ``parts`` are the numbers of its contacts, and
+    ``friction`` is 1 for friction and 0 for the normal force.
     """
 
     name: str
@@ -84,13 +88,13 @@ class _Resultant:
 
     @property
     def size(self) -> float:
-        """Return how large it is."""
+        """The magnitude of the force."""
         return float(np.linalg.norm(self.force))
 
 
 def _forces(solution: Any) -> dict[str, PrintedNumber]:
-    """Return the contact force and the friction force, of bodies that touch each other those of
-    each boundary.
+    """Return the contact force and the friction force; if bodies touch each other, those of each
+    boundary.
     """
     each = solution.contact.forces_of_each
     contacts = solution.model.contacts
@@ -122,9 +126,12 @@ def _forces(solution: Any) -> dict[str, PrintedNumber]:
 def _errors_of_forces(
     solution: Any, wanted: Sequence[_Resultant], largest: float
 ) -> list[float] | str:
-    """Return the error of each resultant, or why they are not known.
+    """Return the error of each resultant, or why the errors are not known.
 
-    ``largest``: of all forces.
+    Args:
+        solution: the solution.
+        wanted: the resultants.
+        largest: the largest magnitude of the forces of all contacts.
     """
     price = solved_price(solution)
     turning = turning_shear(solution)
@@ -152,19 +159,19 @@ def _errors_of_forces(
 
 
 def _share(solution: Any, error: float) -> float:
-    """Return the relative error of forces, from that of the displacement."""
+    """Return the relative error of forces from that of the displacement in the energy norm."""
     return float(np.hypot(error**2, _missed_by_points(solution)))
 
 
 def _reach(solution: Any, one: _Resultant, largest: float) -> float:
-    """Return the largest force that a resultant may be: friction is at most its bound."""
+    """Return the largest magnitude that a resultant may have: friction is at most its bound."""
     on = np.isin(solution.table.nodes[:, 0], one.parts).astype(np.float64)
     return _bounded(solution.table, on, largest) if one.friction else largest
 
 
 def _bounded(table: ContactTable, arms: Array, size: float) -> float:
-    """Return the largest sum of friction forces, times their ``arms``, shape (n,), or the ``size``
-    of other forces if it is smaller.
+    """Return the smaller of ``size`` and the sum of the friction bounds times ``arms``,
+    shape (n,).
     """
     weights = table.columns["weight"] * arms
     on = weights > 0  # a bound may be infinite, and is no number where a bond holds
@@ -172,7 +179,9 @@ def _bounded(table: ContactTable, arms: Array, size: float) -> float:
 
 
 def _moments(solution: Any) -> dict[str, PrintedNumber]:
-    """Return the moments about the origin in 3D of forces that act on one body."""
+    """Return the moments of contact and friction about the origin in 3D, if there is only
+    one body.
+    """
     contact = solution.contact
     boundary = contact.boundary
     if solution.table.facets is None or any(one.against for one in solution.model.contacts):
@@ -202,8 +211,9 @@ def _moments(solution: Any) -> dict[str, PrintedNumber]:
 def _motions(solution: Any) -> dict[str, PrintedNumber]:
     """Return the displacements of rigid bodies that forces move.
 
-    That of a single force which is the only load is its work over the force, and the error of the
-    work is the squared one of the displacement of the body in the energy norm.
+    If a single force is the only load, its displacement is its work over the force, and the
+    relative error of the work is the square of the error of the body's displacement in the energy
+    norm.
     """
     motions = solution.last_step.rigid_bodies
     error = solution.mean_error
@@ -222,8 +232,10 @@ def _motions(solution: Any) -> dict[str, PrintedNumber]:
 
 
 def _from_loads(solution: Any, one: _Resultant) -> bool:
-    """Return whether loads alone are known to determine a resultant: on a flat contact boundary,
-    where nothing else holds the body in that direction; of a user's forms that is not known.
+    """Return whether a resultant is known to be determined by the loads alone.
+
+    This holds on a flat contact boundary where nothing else holds the body in that direction; for
+    forms it is not known.
     """
     model = solution.model
     columns = solution.table.columns
@@ -242,9 +254,10 @@ def _from_loads(solution: Any, one: _Resultant) -> bool:
 
 
 def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] | None:
-    """Return the sum of the sizes of a(e_y, e_z) in the cells, and what nodes miss of the gap, for
-    each resultant in its direction; None if no adjoint state is known, or it takes too long;
-    collective.
+    """Return an error estimate for each resultant by its adjoint state: the sum of |a(e_y, e_z)|
+    over the cells, and what nodes miss of the gap.  Collective.
+
+    Each resultant is taken in its own direction.  Returns None if no adjoint state is known.
     """
     model = solution.model
     reached = solution.reached
@@ -278,7 +291,7 @@ def _dual_weighted(solution: Any, wanted: Sequence[_Resultant]) -> list[float] |
 
 
 def _missed_by_points(solution: Any) -> float:
-    """Return the share of a force that contact at nodes misses between them; collective."""
+    """Return the share of a force that contact at nodes misses between them.  Collective."""
     model = solution.model
     table = solution.table
     columns = table.columns
@@ -292,15 +305,17 @@ def _missed_by_points(solution: Any) -> float:
 
 
 def solved_price(solution: Any) -> Price | None:
-    """Return the last mesh of a convergence table, or None if there is none."""
+    """Return the row of the last solved mesh of the convergence table, or None without one."""
     prices = [price for price in solution.convergence_table if not price.predicted]
     return prices[-1] if prices else None
 
 
 def _bow_of_gaps(solution: Any) -> Array:
-    """Return by how much the mean of a gap between nodes differs from what the nodes know of it,
-    length, at each point of this rank, shape (n,): all of a parabola through vertices with elements
-    of degree 1, with those of degree 2 what the nodes in the middle do not follow; zero in 3D.
+    """Return by how much the mean of a gap between nodes differs from its interpolation by the
+    nodes, length, at each point of this rank, shape (n,).
+
+    With elements of degree 1 that is the whole of a parabola through vertices, with degree 2 the
+    part that mid-side nodes do not follow; zero in 3D.
     """
     boundary = solution.contact.boundary
     table = solution.table
@@ -326,7 +341,7 @@ def _bow_of_gaps(solution: Any) -> Array:
 
 def _at_points(solution: Any, values: Array) -> Array:
     """Return values of the rows of the contact table at the points of this rank, shape (n,); zero
-    between nodes.
+    at points that are not at nodes.
     """
     table = solution.table
     boundary = solution.contact.boundary
@@ -339,8 +354,10 @@ def _at_points(solution: Any, values: Array) -> Array:
 
 
 def turning_shear(solution: Any) -> float:
-    """Return the force of a shear that turns between two neighbouring nodes in contact, one of
-    which sticks or slips the other way, beyond what it changes beside them; 0 in 3D.
+    """Return the force error from shear that changes between two neighbouring nodes in contact of
+    different states (one sticks, or slips the other way).
+
+    Only the change beyond that in the neighbouring intervals counts; 0 in 3D.
     """
     table = solution.table
     columns = table.columns
@@ -359,15 +376,17 @@ def turning_shear(solution: Any) -> float:
 
 
 def _around(solution: Any, rows: Ints) -> Array:
-    """Return the factor of lengths between nodes, see ``Kinematics.measure``, shape (rows - 1,)."""
+    """Return the factor by which ``Kinematics.measure`` weights each interval between nodes, shape
+    (rows - 1,).
+    """
     x = places(solution.table)[rows]
     measure = solution.model.kinematics.measure_at((x[1:] + x[:-1]).T / 2)
     return np.broadcast_to(measure, len(rows) - 1)
 
 
 def force_between_points(solution: Any) -> float:
-    """Return the force of loads on boundaries that their quadrature misses, as where one jumps
-    within a facet; collective.
+    """Return the part of the boundary loads that their quadrature misses, such as where a load
+    jumps within a facet, a force.  Collective.
     """
     model = solution.model
     statement = solution.statement
@@ -413,7 +432,7 @@ def force_between_points(solution: Any) -> float:
 
 
 def _largest_pressure(solution: Any) -> PrintedNumber:
-    """Return the largest pressure."""
+    """Return the largest pressure with its place, and its error or why it has none."""
     table = solution.table
     columns = table.columns
     row = int(np.argmax(columns["pressure"]))
@@ -450,8 +469,10 @@ def _given_way(columns: Columns) -> float:
 
 
 def _near_a_corner(solution: Any) -> str:
-    """Return the end of a contact boundary in 2D where a pressure would have no limit, and that
-    contact reaches with a large one, or all but for one facet; "": there is none; collective.
+    """Return the end of a contact boundary in 2D where the pressure may have no limit, in words, or
+    "".  Collective.
+
+    The contact reaches it with a large pressure, or ends one facet before it.
     """
     table = solution.table
     touching = table.columns["state"] != "open"
@@ -466,11 +487,11 @@ def _near_a_corner(solution: Any) -> str:
                 continue
             row = int(path[end])
             near = touching[path[inside]] and not touching[row]
-            # Of another body beyond the end a coarse mesh shows little.
+            # If another body continues beyond the end, a coarse mesh shows a small pressure.
             large = pressure[row] > (NOTABLE if row in beyond else 0.5) * pressure.max()
             if near or (large and (straight or row in beyond)):
                 place = tuple(map(float, x[row]))
-                # Of the forms of a user nobody says what holds and loads them there.
+                # For forms it is not known what supports and loads act there.
                 unknown = solution.model.coefficients is None
                 if row in beyond or unknown or why_no_limit(solution.model, place):
                     return point_in_words(place)
@@ -478,8 +499,8 @@ def _near_a_corner(solution: Any) -> str:
 
 
 def _kink(table: ContactTable, row: int) -> float:
-    """Return by how much the pressure at a row differs from its neighbours' mean, relative; at an
-    end by how much it bends.
+    """Return the relative difference between the pressure at a row and the mean of its neighbours;
+    at an end the relative second difference.
     """
     pressure = table.columns["pressure"]
     if table.facets is not None:
@@ -501,7 +522,7 @@ def _kink(table: ContactTable, row: int) -> float:
 
 
 def _contact_area(solution: Any) -> PrintedNumber:
-    """Return the area in contact, in 2D a length."""
+    """Return the area in contact with its error, in 2D a length."""
     table = solution.table
     columns = table.columns
     touching = columns["state"] != "open"

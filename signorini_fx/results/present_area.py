@@ -1,7 +1,7 @@
-"""The contact pressure of bodies at finite strains per area of their displaced boundary.
+"""The contact pressure of bodies at finite strains per area of their deformed boundary.
 
-Tractions are unknowns per area of the undeformed boundary; a gauge between two bodies measures what
-acts on the area that there is.
+Contact tractions are unknowns per area of the undeformed boundary; a gauge between two bodies
+measures forces per deformed area.
 """
 
 from __future__ import annotations
@@ -21,10 +21,14 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 def present_pressure(
     table: ContactTable, contact: ContactState, displacement: fem.Function, *, revolved: bool
 ) -> Array:
-    """Return the pressure at each row of a table per present area, which is that between the
-    displaced nodes, shape (rows,); collective.
+    """Return the pressure at each row of a contact table per deformed area, which is that between
+    the displaced nodes, shape (rows,).  Collective.
 
-    ``revolved``: whether areas are those of rings.
+    Args:
+        table: the contact table.
+        contact: the contact state of this rank.
+        displacement: y.
+        revolved: whether the body is axisymmetric, so that areas are those of rings.
     """
     boundary = contact.boundary
     size = displacement.function_space.dofmap.index_map_bs

@@ -1,4 +1,4 @@
-"""One line that says where a solve is, on a terminal or in a notebook; nothing elsewhere."""
+"""One line that shows the progress of a solve on a terminal or in a notebook; nothing elsewhere."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
         self.erase()
 
     def __call__(self, record: Record) -> None:
-        """Show where the solve is, if the last time is some time ago."""
+        """Show the progress, unless the last update was a moment ago."""
         if isinstance(record, StepRecord) or (
             isinstance(record, str) and record.startswith("level ")
         ):

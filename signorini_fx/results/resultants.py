@@ -1,6 +1,4 @@
-"""Resultants of what acts on the body: through each boundary a force, its moment, and where it
-acts.
-"""
+"""Resultants on the body: for each boundary the force, its moment, and the point where it acts."""
 
 from __future__ import annotations
 
@@ -37,13 +35,13 @@ ByCause = dict[str, tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Resultant:
-    """What acts on the body through a boundary, in 2D per unit thickness.
+    """Force and moment on the body through a boundary, in 2D per unit thickness.
 
-    Over a revolution the first of them is the sum of all radial forces, the third that of all
-    forces around the axis; moments are those about the axis alone, the torque.
+    Of axisymmetric bodies the first component of the force is the sum of all radial forces, the
+    third that of all forces around the axis; the moment is that about the axis alone, the torque.
 
     Attributes:
-        boundary: its name, or a point such as ``(0, 1)`` with a support; None: the body.
+        boundary: its name, or a point such as ``(0, 1)`` with a support; None for the body force.
         acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as
             ``traction`` or ``body force``.
         force: force on the body, shape (d,).
@@ -51,8 +49,8 @@ class Resultant:
         about: a point, length, shape (d,).
         acts_at: a point of the line of action, length, shape (d,): on a flat boundary where that
             line meets its plane, in 3D the point of its plane about which the forces have no moment
-            but that along the normal; otherwise the point of the central axis next to the middle of
-            the boundary. None where the forces have no resultant.
+            except along the normal; otherwise the point of the central axis nearest to the middle
+            of the boundary. None where the forces have no resultant.
         size: sum of the magnitudes of the nodal forces, and of their moments, by which round-off is
             judged.
     """
@@ -71,8 +69,10 @@ class Resultant:
         return _plain(np.atleast_1d(self.moment) + moments(arms, self.force))
 
     def as_dict(self, size: tuple[float, float], extent: float) -> dict[str, object]:
-        """Return a row of the summary, JSON-safe; what is round-off beside forces and moments of
-        this size, and beside the extent of the body, is zero.
+        """Return a row of the summary, JSON-safe.
+
+        Forces and moments that are round-off of ``size``, and lengths that are round-off of
+        ``extent``, the size of the body, become zero.
         """
         moment = clean(np.atleast_1d(self.moment).tolist(), size[1])
         return {
@@ -87,7 +87,7 @@ class Resultant:
 
 @dataclass(frozen=True)
 class ActingForces:
-    """What acts on a body at one displacement beside contact, evaluated anew."""
+    """The forces other than contact that act on a body at one displacement, evaluated anew."""
 
     balance: Balance
     supports: Sequence[
@@ -108,15 +108,17 @@ class Resultants:
     """The resultants of one load step, from nodal forces: exact for the discrete solution, so that
     they are in balance.
 
-    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two of
-    them a component belongs to one alone), those of contact come from the tractions of the contact.
+    Reactions are the residual forces of the stresses at the nodes of supports (at a node of two
+    supports each component belongs to one of them); those of contact come from the contact
+    tractions.
 
     Attributes:
         model: the body on its mesh.
+        statement: the named entries of the problem.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
-        conditions: the contact points and what holds there; None without contact.
-        acting: all else that acts on the body.
+        conditions: the contact points and their conditions; None without contact.
+        acting: all other forces on the body.
     """
 
     model: Model
@@ -127,11 +129,11 @@ class Resultants:
     acting: ActingForces
 
     def of(self, boundary: str, about: npt.ArrayLike | None = None) -> Resultant:
-        """Return what acts through a named boundary; zero where nothing does; collective.
+        """Return the resultant on a named boundary; zero where nothing acts.  Collective.
 
         Args:
             boundary: its name.
-            about: the point that the moment is about, length, shape (d,); None: the origin.
+            about: the point that the moment is about, length, shape (d,); None for the origin.
 
         Raises:
             MeshError: there is no such boundary; the message lists the known ones.
@@ -153,8 +155,8 @@ class Resultants:
         return [*resultants, *([self.body_force()] if self._at_nodes(None) else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
-        """Return the rows of ``every`` for the summary; none if the displacement is not a number;
-        collective.
+        """Return the rows of ``every`` for the summary; none if the displacement is not finite.
+        Collective.
         """
         if parallel.any_rank(self.model.comm, not np.isfinite(self.displacement.x.array).all()):
             return []
@@ -167,7 +169,7 @@ class Resultants:
 
     @property
     def _names(self) -> list[str]:
-        """The boundaries through which something acts."""
+        """The names of the boundaries through which something acts."""
         sides = [
             name for effect in self.model.contacts for name in (effect.boundary, effect.against)
         ]
@@ -179,7 +181,7 @@ class Resultants:
 
     @property
     def _points(self) -> dict[str, tuple[float, ...]]:
-        """The points with supports, by their names."""
+        """The points with supports, by name."""
         return {
             effect.place: effect.at
             for effect in self.statement.displacement
@@ -188,7 +190,7 @@ class Resultants:
 
     @cached_property
     def _moved(self) -> Array:
-        """Return the motion of the nodes to where forces act on a body with large displacements,
+        """The displacement of the nodes if forces act at displaced points, otherwise zero, length,
         shape (nodes, d).
         """
         y = self.displacement.x.array.reshape(-1, self.model.dimension)
@@ -196,12 +198,14 @@ class Resultants:
 
     @cached_property
     def _x(self) -> Array:
-        """Positions of the owned nodes."""
+        """Positions of the owned nodes where forces act, length, shape (owned nodes, d)."""
         owned, dim = self.acting.balance.external.shape
         return node_positions(self.displacement.function_space)[:owned, :dim] + self._moved[:owned]
 
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
-        """Return what contacts do to the other body, at its nodes; collective."""
+        """Return the positions of the nodes and the contact forces on them on the other body of
+        some contacts.  Collective.
+        """
         space = self.displacement.function_space
         facets = self.model.tagged.facets(boundary)
         on_boundary = fem.locate_dofs_topological(
@@ -212,8 +216,8 @@ class Resultants:
         return self._x, -total
 
     def _of_contact(self, *parts: int) -> Array:
-        """Return the forces of the contact tractions, or those of some contacts, shape (owned
-        nodes, d); collective.
+        """Return the nodal forces of the contact tractions, of all contacts or of these, shape
+        (owned nodes, d).  Collective.
         """
         total = np.zeros_like(self._x)
         if self.contact is not None and self.conditions is not None:
@@ -224,13 +228,13 @@ class Resultants:
 
     @cached_property
     def _reactions(self) -> Array:
-        """What the stresses in the body leave to the supports, shape (owned nodes, d);
-        collective.
+        """The forces that the supports take: the residual of all other forces, shape (owned nodes,
+        d).  Collective.
         """
         return self.acting.balance.residual(self._of_contact())
 
     def _through(self, boundary: str) -> ByCause:
-        """Return the forces on the body at the nodes of a boundary."""
+        """Return the forces on the body at the nodes of a boundary, by cause."""
         by_cause = self._at_nodes(boundary)
         for sign, key in (
             (-1.0, "boundary"),
@@ -266,8 +270,8 @@ class Resultants:
         return by_cause
 
     def _at_nodes(self, boundary: str | None) -> ByCause:
-        """Return the nodal forces of supports, loads and everything that resists the displacement,
-        at a boundary; None: in the body; collective.
+        """Return the nodal forces of supports, loads and resistances at a boundary, by cause; None
+        for those in the body.  Collective.
         """
         held = [
             number
@@ -284,7 +288,7 @@ class Resultants:
         return {cause: (self._x, values) for cause, values in by_cause.items()}
 
     def _sum(self, boundary: str | None, forces: ByCause, about: npt.ArrayLike | None) -> Resultant:
-        """Return the resultant of what acts through a boundary."""
+        """Return the resultant of the forces through a boundary."""
         dim = self.model.dimension
         comm = self.model.comm
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
@@ -311,12 +315,12 @@ class Resultants:
 
     @property
     def _kinematics(self) -> Kinematics:
-        """Return the kinematics of the body, by which some moments cancel."""
+        """The kinematics of the body, in which some moments cancel."""
         return self.statement.kinematics_in(self.model.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
-        """Return the middle of a boundary, and its normal if it is flat, as no displaced one is; a
-        point itself.
+        """Return the middle of a boundary, length, shape (d,), and its normal if it is flat and not
+        displaced, otherwise None.  For a point support the point itself is returned.
         """
         if boundary in self._points:
             return np.array(self._points[boundary]), None
@@ -341,9 +345,12 @@ def moments(arms: Array, forces: Array) -> Array:
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:
-    """Return the vector from a point to where a force with this moment about it acts, shape (d,): n
-    x M / (n . F) across a normal, where no moment is left but that along it; without, or if the
-    force lies in that plane, the nearest place F x M / F^2.
+    """Return the vector from a point to where a force acts that has this moment about the point,
+    shape (d,).
+
+    With a normal it is n x M / (n . F), in the plane across the normal, where no moment is left but
+    that along it; without one, or if the force lies in that plane, it is the nearest place F x M /
+    F^2.
     """
     axis = force
     if normal is not None and abs(normal @ force) > ZERO_IN_SOLUTION * np.linalg.norm(force):

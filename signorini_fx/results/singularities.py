@@ -1,12 +1,12 @@
-"""Places where the stress has no limit as the mesh is refined, known from the shape of the body and
-its conditions.
+"""Places where the stress is unbounded as the mesh is refined, known from the shape of the body and
+its boundary conditions.
 
 Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear
 elasticity grows like a negative power of the distance if the angle within the body is large enough
 (Williams, J. Appl. Mech. 19 (1952) 526-528; Grisvard, Elliptic Problems in Nonsmooth Domains,
 1985).  On an edge in 3D it does so across the edge. Where materials meet at the boundary it grows
-like a power again (Bogy, J. Appl. Mech. 38 (1971) 377-386): for most pairs of materials, a few are
-bounded and named all the same.
+like a power again (Bogy, J. Appl. Mech. 38 (1971) 377-386): for most pairs of materials; the few
+pairs with a bounded stress are named all the same.
 
 Bodies that touch are judged one by one: at their contact boundaries only reentrant corners are
 named.
@@ -42,7 +42,7 @@ from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, NOTABLE, ROOT_OF_E
 
 @dataclass(frozen=True)
 class BoundaryFacet:
-    """An exterior facet."""
+    """An exterior facet with its boundary conditions and its material."""
 
     vertices: Array
     normal: Array
@@ -54,7 +54,7 @@ class BoundaryFacet:
 
     @property
     def size(self) -> float:
-        """The diagonal of the box around it, length."""
+        """The diagonal of its bounding box, length."""
         return diagonal(self.vertices)
 
 
@@ -77,9 +77,10 @@ _FACETS_BESIDE = 3
 
 
 def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
-    """Why the stress at a place, or within one facet from it, of a reentrant corner within three,
-    has no limit; None if nothing is known; collective.
+    """Return why the stress at a place has no limit as the mesh is refined, or None if nothing is
+    known.  Collective.
 
+    Singular corners within one facet of the place count, reentrant ones within three facets.
     Contact boundaries count as pressed, with friction as held.
     """
     if _beside_a_node_that_is_loaded(body, point):
@@ -98,15 +99,22 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
 
 
 def singular_corners(body: Model) -> list[tuple[Array, str]]:
-    """Return the corners of a body where its stress has no limit, even if it is a curve there, in
-    3D an end of each side of a facet along an edge, and why; collective.
+    """Return the corners of a body where its stress has no limit, each with the reason.
+    Collective.
+
+    Only angles count that are singular even if the facets approximate a curve.  In 3D a corner is
+    one end of each facet side along a singular edge.
     """
     return [(corner[0], reason) for corner, _, reason in _corners(body, None)]
 
 
 def _corners(body: Model, point: Array | None) -> Iterator[tuple[Array, float, str]]:
-    """Yield where facets near a place, None: all, meet so that the stress has no limit: their
-    common vertices, the size of the smaller one, and why; collective.
+    """Yield where facets meet so that the stress has no limit: their common vertices, the size of
+    the smaller facet, and the reason.  Collective.
+
+    Args:
+        body: the body.
+        point: only facets near this place count; None for all.
     """
     local = facets_near(body, point)
     facets = [facet for of_rank in body.comm.allgather(local) for facet in of_rank]
@@ -128,7 +136,7 @@ def _corners(body: Model, point: Array | None) -> Iterator[tuple[Array, float, s
 def _meeting(
     facets: list[BoundaryFacet], same: float
 ) -> Iterator[tuple[BoundaryFacet, BoundaryFacet]]:
-    """The pairs of facets that have a vertex in common, within this distance."""
+    """Yield the pairs of facets that have a vertex in common, up to the distance ``same``."""
     vertices = np.concatenate([facet.vertices for facet in facets] or [np.zeros((0, 1))])
     owners = np.repeat(np.arange(len(facets)), [len(facet.vertices) for facet in facets])
     for a, b in sorted(
@@ -141,8 +149,8 @@ _REENTRANT = "at a reentrant corner of the body"
 
 
 def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool:
-    """Return whether a force or a support acts at one node, within a cell from a place;
-    collective.
+    """Return whether a force or a support acts at a single node within one cell of a place.
+    Collective.
     """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
@@ -162,10 +170,13 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
 
 
 def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str | None:
-    """Why the stress has no limit where two facets of a body meet.
+    """Return why the stress has no limit where two facets of a body meet, or None.
 
-    ``slack``: by how much, in degrees, the angle may exceed the largest one where conditions
-        change.
+    Args:
+        facet_a: one facet.
+        facet_b: the other one.
+        slack: by how much, in degrees, the angle may exceed the largest bounded one where
+            conditions change.
     """
     if (
         facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
@@ -190,8 +201,8 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str
 
 
 def facets_near(body: Model, point: Array | None) -> list[BoundaryFacet]:
-    """Exterior facets of this rank with a corner within three of their sizes from a place; None:
-    all.
+    """Return the exterior facets of this rank with a corner within three of their sizes from a
+    place; None for all.
     """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
@@ -227,8 +238,8 @@ def facets_near(body: Model, point: Array | None) -> list[BoundaryFacet]:
 
 
 def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
-    """Why the contact pressure has no limit as the mesh is refined, and where, see ``Solution``;
-    collective.
+    """Return why and where the contact pressure has no limit as the mesh is refined, or None, see
+    ``Solution``.  Collective.
     """
     columns = table.columns
     pressure = columns["pressure"]
@@ -248,8 +259,8 @@ def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
 
 
 def ends_on_another(body: Model, table: ContactTable) -> list[int]:
-    """Return the rows in 2D at ends of a contact boundary beyond which another body goes on: there
-    a pressure has no limit; collective.
+    """Return the rows of the contact table at ends of a contact boundary in 2D beyond which another
+    body continues: there the pressure has no limit.  Collective.
     """
     ends = []
     for path in table.paths if "against" in table.columns else ():
@@ -267,8 +278,8 @@ def ends_on_another(body: Model, table: ContactTable) -> list[int]:
 
 
 def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
-    """Return what counts of the material of a cell: its kind, and its expansion where something
-    expands.
+    """Return a function from a cell to what distinguishes its material: its kind, and its expansion
+    if there are initial strains.
     """
     strained = bool(body.statement.of(InitialStrain))
     parts = []
@@ -284,8 +295,8 @@ def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
 
 
 def _conditions(body: Model) -> Callable[[int, Array, Array], tuple[str, tuple[str, ...], str]]:
-    """Return what is prescribed on a facet with a normal and these corners, by which boundaries,
-    and how it may touch another body.
+    """Return a function from a facet, its normal and its corners to what is prescribed there, by
+    which boundaries, and how it may touch another body.
     """
     dim = body.tagged.dimension
 

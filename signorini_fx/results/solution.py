@@ -83,26 +83,27 @@ class Solution:
     Attributes:
         status: how it ended; only ``Status.CONVERGED`` is a solution.
         algorithm: the algorithms that were used: ``linear``, ``ssn``, ``fp``, ...
-        mechanics: what says the forces and stresses of ``model``, the body on its mesh.
+        mechanics: forces and stresses of ``model``, the body on its mesh.
         displacement: y, a finite element function.
-        contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None
-            without contact.
+        contact: nodal state of the contact boundary of this rank (``table`` has that of all ranks),
+            None without contact.
         certificate: the check of the conditions of the problem after the solve.
-        steps: one result per load step, up to the last one that was tried; the fields above but for
+        steps: one result per load step, up to the last one that was tried; the fields above except
             model, status and algorithm are those of ``last_step``.
         history: every linear solve and every regularised problem.
         parameters: the values of gamma_n, gamma_t and sigma that were used.
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
-        found: gives what ``findings`` begins without; collective on several ranks.
-        state: the end of the last load step that has a solution, from which another solve goes on;
-            None: there is none, or the body is nonlinear.
+        found: returns all of ``findings`` except the one about the contact law; collective on
+            several ranks.
+        state: the state at the end of the last load step with a solution, from which another solve
+            can start; None without one, or if the body is nonlinear.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
-        convergence_table: errors and cost of each of them, and predictions for the next one;
-            otherwise empty.
-        remedy: what to do about the outcome, where more is known of it than its status.
-        reached: the load step of the results as it was solved, for adjoint states; None: of a
-            large or nonlinear body, of forms, and of earlier load steps.
+        convergence_table: errors and cost of each of these meshes, and a prediction for the next
+            one; otherwise empty.
+        remedy: what to do about the outcome, if more is known than the status; otherwise empty.
+        reached: the load step of the results as it was solved, for adjoint states; None for a large
+            or nonlinear body, for forms, and for earlier load steps.
 
     Examples:
         >>> print(np.round(solution.contact.forces[0], 6), solution.certificate.holds)
@@ -136,13 +137,15 @@ class Solution:
         )
 
     def __str__(self) -> str:
-        """Return what ``solve`` prints; on several ranks, as long as ``summary`` was not called,
-        the line of ``repr``: all of them would have to compute it.
+        """Return what ``solve`` prints.
+
+        On several ranks, where all ranks would have to compute it, return the line of ``repr``
+        until ``summary`` has been called.
         """
         return "\n".join(map(str, self._answer)) if self._answer else repr(self)
 
     def _repr_html_(self) -> str:
-        """Return these lines as a table for notebooks."""
+        """Return the lines of ``str`` as a table for notebooks."""
         first, *lines = self._answer or [TerminalLine(repr(self))]
         rows = list[tuple[str, str]]()
         for line in lines:
@@ -155,7 +158,7 @@ class Solution:
 
     @property
     def _answer(self) -> list[TerminalLine]:
-        """What ``solve`` prints; empty where this rank cannot tell alone."""
+        """The lines that ``solve`` prints; empty where this rank cannot compute them alone."""
         from signorini_fx.quantities.shown import short_answer
 
         alone = self.comm.size == 1 or "_summary" in vars(self)
@@ -176,25 +179,25 @@ class Solution:
 
     @property
     def statement(self) -> Statement:
-        """Return the entries of the solved problem by their names."""
+        """The entries of the solved problem by their names."""
         return self.mechanics.statement
 
     @property
     def converged(self) -> bool:
-        """Return whether this is a solution, certificate included."""
+        """Whether this is a solution, certificate included."""
         return self.status is Status.CONVERGED
 
     @property
     def certified(self) -> bool:
-        """Return whether this is a certified solution, possibly less accurate than required."""
+        """Whether this is a certified solution, possibly less accurate than required."""
         return self.status in (Status.CONVERGED, *SHORT_OF_ACCURACY)
 
     @property
     def advice(self) -> str:
-        """Return what to do about the outcome, without what the scene has done already.
+        """What to do about the outcome, without what the scene has done already.
 
-        Of a body that moves away, the warning that names its motion; of a ramp, between which loads
-        it ended.
+        For a body that moves away it is the warning that names its motion; for a ramp it names the
+        loads between which the ramp ended.
         """
         if self.remedy:
             return self.remedy
@@ -267,8 +270,8 @@ class Solution:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """Warnings and notes about the scene and the result, the first one if the law of the
-        results is not the one that was asked for.
+        """Warnings and notes about the scene and the result; the first one warns if another contact
+        law was used than requested.
         """
         law = None
         if self.contact is not None and self.last_step.status is Status.CONVERGED:
@@ -281,14 +284,14 @@ class Solution:
 
     @property
     def last_step(self) -> StepResult:
-        """Return the load step of the results: the last one with a solution, or the first one if
-        there is none.
+        """The load step of the results: the last one with a solution, or the first one if there is
+        none.
         """
         return self.shown_steps[-1]
 
     def at(self, step: StepResult) -> Solution:
-        """Return the solution with the results of another load step; those before it count as its
-        past.
+        """Return the solution with the results of another load step; the steps before it are kept
+        as its history.
 
         Raises:
             ValueError: it is none of ``steps``.
@@ -312,7 +315,7 @@ class Solution:
 
     @property
     def shown_steps(self) -> tuple[StepResult, ...]:
-        """Return the load steps with a solution, or the first one if there is none."""
+        """The load steps with a solution, or all steps if none has one."""
         return tuple(step for step in self.steps if step.status is Status.CONVERGED) or self.steps
 
     @cached_property
@@ -332,15 +335,16 @@ class Solution:
         return replace(table, columns=table.columns | {"present_pressure": present})
 
     def boundary_fields(self, number: int | None = None) -> BoundaryFields:
-        """Pressure, shear, gap and slip on a mesh of the contact boundary, in new Functions;
-        collective.
+        """Return pressure, shear, gap and slip on a mesh of the contact boundary, in new Functions.
+        Collective.
 
         Args:
-            number: of the contact as the scene lists them, of two bodies the side ``boundary``;
-                None: all of them, of which at a node of two the later one counts.
+            number: position of the contact in the scene, from 0; of two bodies the side
+                ``boundary`` is taken. None for all contacts; at a node of two contacts the later
+                one counts.
 
         Raises:
-            ValueError: the scene has no contact, or no such one.
+            ValueError: the scene has no contact, or no contact of this number.
         """
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no fields on its boundary")
@@ -353,7 +357,7 @@ class Solution:
         and their extremes; with load steps, of the last one; collective.
 
         Raises:
-            RuntimeError: it is that of forms whose stress is not known.
+            RuntimeError: the problem is given by forms whose stress is not known.
         """
         if isinstance(self._stress, str):
             raise RuntimeError(self._stress)
@@ -361,7 +365,7 @@ class Solution:
 
     @property
     def known_stress(self) -> RawStresses | None:
-        """Return the stress, or None if it is unknown; collective."""
+        """The stress, or None if it is unknown; collective."""
         return None if isinstance(self._stress, str) else self._stress
 
     @cached_property
@@ -375,9 +379,10 @@ class Solution:
 
     @cached_property
     def no_limit_of_pressure(self) -> str | None:
-        """Why the contact pressure has no limit as the mesh is refined, and where: at a corner of
-        the body, or an end of its contact boundary, towards which it is convex; None if nothing is
-        known; collective.
+        """Why and where the contact pressure has no limit as the mesh is refined; collective.
+
+        The place is a corner of the body, or an end of its contact boundary, towards which the
+        pressure is convex.  None if nothing is known.
         """
         stated = isinstance(self.mechanics, StatedMechanics)
         return no_limit_of_pressure(self.model, self.table) if stated and self.certified else None
@@ -394,9 +399,7 @@ class Solution:
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
-        """The forces through sections that are tightened; with load steps, in the last one;
-        collective.
-        """
+        """The forces through tightened sections; with load steps, in the last one; collective."""
         return section_forces(self.model, self.displacement, self.place)
 
     @cached_property
@@ -408,7 +411,7 @@ class Solution:
 
     @cached_property
     def limit(self) -> LimitOfRamp | None:
-        """Return the loads at which a ramp has ended; None if it has not; collective."""
+        """The loads at which a ramp has ended; None if it has reached its end; collective."""
         last = self.last_step
         path = self.model.path
         whole = last.place >= len(path.times) - 1
@@ -423,7 +426,7 @@ class Solution:
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
-        """Area and forces of each contact boundary, in the order of the scene; none without
+        """Area and forces of each contact boundary, in the order of the scene; empty without
         contact; collective.
         """
         if self.contact is None:
@@ -432,8 +435,8 @@ class Solution:
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
-        """Return a guaranteed bound of the error, or why there is none; None if this is no
-        solution; collective.
+        """A guaranteed bound of the error, or why there is none; None if this is no solution;
+        collective.
         """
         if not self.certified:
             return None
@@ -443,7 +446,7 @@ class Solution:
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
-        """Return the cost of the accuracy and of a better one, or why there is no forecast;
+        """The cost of the accuracy and a forecast for a better one, or why there is no forecast;
         collective.
         """
         if self.last_step.status is not Status.CONVERGED:
@@ -488,8 +491,8 @@ class Solution:
 
     @cached_property
     def mean_error(self) -> float | str:
-        """Return the estimated relative error of the stress, which is that of the displacement in
-        the energy norm, or why it is unknown; collective.
+        """The estimated relative error of the stress, which is that of the displacement in the
+        energy norm, or why it is unknown; collective.
         """
         if self.last_step.strain_energy is None:
             known = self.error_shares
@@ -502,8 +505,10 @@ class Solution:
 
     @cached_property
     def numbers(self) -> dict[str, PrintedNumber]:
-        """The numbers that ``solve`` prints, by name, each with half of the interval that it is in
-        as its ``error``, or ``why`` that is not known; none without a solution; collective.
+        """The numbers that ``solve`` prints, by name; collective.
+
+        Each has an ``error``, half of the width of its interval, or a text ``why`` it is not known.
+        Empty without a solution.
 
         Examples:
             >>> print(solution.numbers["force"])
@@ -515,21 +520,20 @@ class Solution:
 
     @cached_property
     def error_shares(self) -> Array | str:
-        """Return the part of each owned cell in the squared relative error of the stress of a
-        nonlinear body, shape (cells,), or why it is unknown; collective.
+        """The share of each owned cell in the squared relative error of the stress of a nonlinear
+        body, shape (cells,), or why it is unknown; collective.
         """
         mechanics: Any = self.mechanics  # of a residual
         known = mechanics.errors_now(False)
         return known if isinstance(known, str) else known[0]
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
-        """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness;
-        or why there
-        are none; collective.
+        """Return guaranteed bounds of the contact force on a body at a boundary, in 2D per
+        thickness, or why there are none.  Collective.
 
         Args:
             boundary: its name.
-            direction: any vector; a unit one gives the force along it.
+            direction: any vector; a unit vector gives the force along it.
         """
         if not self.certified:
             return "there is no solution"
@@ -542,9 +546,10 @@ class Solution:
 
     @cached_property
     def friction_used(self) -> float | None:
-        """Return the share of the friction that the loads use, with the friction bounds of this
-        solution; None without friction, where supports hold the body, or without a solution; with
-        load steps, of the last one; collective.
+        """The share of the friction that the loads use, with the friction bounds of this solution;
+        with load steps, of the last one; collective.
+
+        None without friction, where supports hold the body, or without a solution.
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
@@ -563,8 +568,8 @@ class Solution:
             solution.plotter("recovered_von_mises").show()
 
         Args:
-            field: that of the colours, among those that are written for ParaView; "": the von Mises
-                stress, or the displacement.
+            field: the field of the colours, among those that are written for ParaView; "" for the
+                von Mises stress, or the displacement if there is no stress.
             options: ``times``, the magnification of displacements; all others are those of
                 ``pyvista.Plotter``.
 
@@ -575,7 +580,7 @@ class Solution:
         return add_on("plotter")(self, field, **options)
 
     def animate(self, file: str | Path, field: str = "", **options: Any) -> None:
-        """Write the load steps as a moving picture, or how the displacement of a single one grows;
+        """Write an animation of the load steps, or of the growing displacement of a single one;
         collective.
 
         Args:
@@ -592,19 +597,24 @@ class Solution:
 
     @property
     def place(self) -> float:
-        """The place in the lists of factors of the load step that the displacement belongs to."""
+        """The position in the lists of load factors of the step that the displacement
+        belongs to.
+        """
         return self.last_step.place if self.steps else 0.0
 
     @property
     def comm(self) -> MPI.Comm:
-        """Return the ranks that share the solution."""
+        """The ranks that share the solution."""
         comm = self.model.tagged.mesh.comm
         return comm
 
 
 def factors_held(statement: Statement, reached: float, failed: float) -> str:
-    """Return what a solution at a place on the path bears of the loads that grow towards one
-    without a solution, such as: (0.5 times traction[1]).
+    """Return the factors of the growing loads that a solution carries, in words, such as: (0.5
+    times traction[1]).
+
+    Loads are compared between the position ``reached`` on the path, with a solution, and the
+    position ``failed`` without one.
     """
     factors = {
         path: [factor_at(statement.factors_of(load), place) for place in (reached, failed)]
@@ -649,8 +659,8 @@ class ConvergenceError(SignoriniError):
 
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:
-    """Return how a solve without a solution ended; with load steps, which one, and what there
-    is.
+    """Return how a solve without a solution ended; with load steps, which step failed, and of which
+    step the results are.
     """
     status = solution.status
     last = solution.last_step

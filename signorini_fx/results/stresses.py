@@ -1,8 +1,8 @@
 """The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they
 are largest.
 
-Of nonlinear bodies nothing is recovered; their extremes are those at the points of quadrature,
-where the material is.
+For nonlinear bodies nothing is recovered; their extremes are those at the quadrature points, where
+the material has its state.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("
 
 
 def _limit(material: Material) -> float:
-    """Return the von Mises stress at which a material yields; infinite: it is not known."""
+    """Return the von Mises stress at which a material yields, infinite if it is not known."""
     return math.inf if (stress := getattr(material, "yield_stress", None)) is None else stress
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """The smallest or largest value of a field, and where.
+    """The smallest or largest value of a field, and its place.
 
     Attributes:
         value: a stress.
         place: a point, length, shape (d,).
-        cell: global number of the cell whose stress it is: at an interface there is one on each
-            side.
+        cell: global number of the cell that the stress belongs to: at an interface there is one on
+            each side.
     """
 
     value: float
@@ -68,11 +68,11 @@ class Extreme:
 
 @dataclass(frozen=True, repr=False)
 class StressFields:
-    """A stress tensor and what follows from it; every field is made when it is first asked for,
+    """A stress tensor and fields that follow from it.  Every field is computed at its first use,
     which is collective.
 
     Attributes:
-        stress: of the displacement, in each cell.
+        stress: the stress of the displacement, in each cell.
     """
 
     stress: ElementStress
@@ -85,8 +85,8 @@ class StressFields:
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in 3D, also in 2D, where (2, 2) is that of the hypothesis; a
-        stress, shape (3, 3).
+        """Sigma with all components in 3D, also in 2D, where (2, 2) follows from the
+        hypothesis, such as plane strain; a stress, shape (3, 3).
 
         The raw one is discontinuous and of the degree of the element, of a nonlinear body of one
         degree less; the recovered one has degree 1 and is discontinuous between materials.
@@ -127,14 +127,13 @@ class StressFields:
     @cached_property
     def principal(self) -> fem.Function:
         """The principal stresses, the largest (most tensile) first, shape (3,); in 2D one of them
-        acts out of
-        it.
+        acts out of the plane.
         """
         return self._function("principal_stresses", principal_of(self._nodal()))
 
     def component(self, name: str) -> fem.Function:
-        """Return a component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz``
-        is that out of the plane.
+        """Return a component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz`` or ``yz``; in 2D
+        ``zz`` is the component out of the plane.
 
         Raises:
             ValueError: there is no such component.
@@ -151,7 +150,7 @@ class StressFields:
 
         Args:
             field: ``von_mises``, ``principal``, or a component of the tensor such as ``zz``.
-            component: of the principal stresses; of no meaning for other fields.
+            component: the number of the principal stress, from 0; ignored for other fields.
 
         Raises:
             ValueError: there is no such field.
@@ -189,12 +188,12 @@ class StressFields:
 
     @cached_property
     def _sampled_principal(self) -> Array:
-        """The principal stresses where extremes are sought, shape (n, 3)."""
+        """The principal stresses at the points where extremes are sought, shape (n, 3)."""
         return principal_of(self._samples()[0])
 
     def _samples(self) -> tuple[Array, Array, Callable[[int], int]]:
-        """Return the tensor where extremes are sought, shape (n, 3, 3), these places, and the local
-        number of a cell there.
+        """Return the tensor at the points where extremes are sought, shape (n, 3, 3), these points,
+        and a function from the number of a point to the local number of its cell.
         """
         space = self.tensor.function_space
         x = node_positions(space)[:, : space.mesh.topology.dim]
@@ -203,15 +202,15 @@ class StressFields:
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
     def _extreme_of(self, values: Array, sign: float = 1.0) -> Extreme:
-        """Return the largest of finite values at the same points, or with ``sign`` -1 the smallest,
-        and where; collective.
+        """Return the largest finite value at these points and its place, or with ``sign`` -1 the
+        smallest; collective.
         """
         topology = self.tensor.function_space.mesh.topology
         _, x, cell_of = self._samples()
         values = np.where(np.isfinite(values), sign * values, -np.inf)
         best = parallel.largest(self.comm, values, -np.inf)
-        # Where several are as large to six digits, the place with the smallest coordinates: it is
-        # the same on any number of ranks.
+        # Where several values agree to six digits, the place with the smallest coordinates is
+        # taken: it is the same on any number of ranks.
         size = parallel.largest(self.comm, np.abs(x), 0.0) or 1.0
         largest = np.flatnonzero(values >= best - DIGITS_OF_FILES * abs(best))
         places = np.round(x[largest] / (SAME_LENGTH * size))
@@ -228,7 +227,7 @@ class StressFields:
         return Extreme(sign * best, place, number)
 
     def utilised(self, limit: fem.Function) -> Extreme:
-        """Return the place where the von Mises stress is the largest share of a limit; collective.
+        """Return the largest ratio of the von Mises stress to a limit, and its place; collective.
 
         Args:
             limit: a stress of each cell, a function of degree 0, infinite where there is none.
@@ -243,8 +242,8 @@ class StressFields:
         return self.tensor.x.array.reshape(-1, 3, 3)
 
     def _function(self, name: str, values: Array) -> fem.Function:
-        """Return a field on the points of the tensor, which all spaces of one degree number
-        alike.
+        """Return a field with values at the points of the tensor, whose numbering all spaces of
+        this degree share.
         """
         space = self.tensor.function_space
         degree = space.element.basix_element.degree
@@ -258,8 +257,8 @@ class StressFields:
 
 @dataclass(frozen=True)
 class PointStress:
-    """The Cauchy stress of nonlinear materials at the points of quadrature of the cells that this
-    rank owns; at small strains the stress.
+    """The Cauchy stress of nonlinear materials at the quadrature points of the c cells that this
+    rank owns, q in each; at small strains the stress.
     """
 
     points: Array  # of the reference cell, shape (q, t)
@@ -271,8 +270,15 @@ class PointStress:
     )
 
     def on_cells(self, values: Array, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
-        """Return the polynomials in cells that are nearest to values at the points, of numbers,
-        shape (c, q), no less or more than these; collective.
+        """Return the polynomials in cells that fit values at the quadrature points best;
+        collective.
+
+        Args:
+            values: values at the points, shape (c, q, ...).  Polynomials of scalars stay between
+                the smallest and largest value of their cell.
+            mesh: the mesh.
+            degree: the degree of the polynomials.
+            name: the name of the function.
         """
         function = fem.Function(
             fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name
@@ -300,11 +306,11 @@ class RawStresses(StressFields):
     the mesh is refined.
 
     Attributes:
-        mechanics: of the body, ``results.mechanics.Mechanics``.
-        place: of the load step in the lists of factors, see ``statement.load_path``.
-        at_points: of a nonlinear body at the points of quadrature, where its extremes are; None:
-            they are at nodes.
-        strain_energy: of the load step.
+        mechanics: the mechanics of the body, ``results.mechanics.Mechanics``.
+        place: position of the load step in the lists of factors, see ``statement.load_path``.
+        at_points: the stress of a nonlinear body at the quadrature points, where its extremes are
+            sought; None where they are sought at nodes.
+        strain_energy: strain energy of the load step.
     """
 
     mechanics: Any
@@ -314,7 +320,7 @@ class RawStresses(StressFields):
 
     @property
     def recovers(self) -> bool:
-        """Whether there are a ``recovered`` stress and an estimated error."""
+        """Whether a ``recovered`` stress and an estimated error exist."""
         return self.at_points is None
 
     @cached_property
@@ -322,14 +328,16 @@ class RawStresses(StressFields):
         """The strain energy of the stress; collective."""
         if (
             self.strain_energy is None or not self.mechanics.model.materials
-        ):  # that of forms may have springs in it
+        ):  # the energy of forms may include springs
             return float(self.mechanics.recovery.energy(self.stress.displacement))
         return self.strain_energy
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:
-        """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell
-        within the values at its points; None if there is none.
+        """The accumulated (equivalent) plastic strain, or None without one.
+
+        It is a function of degree k - 1 in each cell, within the range of the values at its
+        quadrature points.
         """
         if self.at_points is None or self.at_points.plastic is None:
             return None
@@ -338,8 +346,8 @@ class RawStresses(StressFields):
         return self.at_points.on_cells(self.at_points.plastic, space.mesh, degree, "plastic_strain")
 
     def plastic_extreme(self) -> dict[str, Any] | None:
-        """Return the largest one at the points of quadrature, where, and the region of its
-        material, if there are several, JSON-safe; None if there is none; collective.
+        """Return the largest plastic strain at the quadrature points, its place, and the region of
+        its material if there are several, JSON-safe; None without plastic strain; collective.
         """
         if self.at_points is None or self.at_points.plastic is None:
             return None
@@ -355,7 +363,7 @@ class RawStresses(StressFields):
         smoothed away.
 
         Raises:
-            RuntimeError: that of a nonlinear body.
+            RuntimeError: the body is nonlinear.
         """
         mesh = self.stress.displacement.function_space.mesh
         tensor = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
@@ -375,12 +383,12 @@ class RawStresses(StressFields):
 
     @cached_property
     def error(self) -> float | None:
-        """Estimated error of the raw stress, relative, in the energy norm, which is that of the
-        displacement; None without stress, and of a nonlinear body.
+        """Estimated relative error of the raw stress in the energy norm, which is that of the
+        displacement; None without stress, and for a nonlinear body.
 
         It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress,
         with the residual of the tractions on the boundary: a mean over the body that says nothing
-        of a single point.
+        about a single point.
         """
         if not self.recovers or not self.energy > 0:
             return None
@@ -394,12 +402,12 @@ class RawStresses(StressFields):
         return np.asarray(self.mechanics.recovery.squares(self.stress.displacement, self.place))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return extremes of the raw stress and those of the recovered one, with the estimated
-        error, JSON-safe; collective.
+        """Return the extremes of raw and recovered stress, with the estimated error, JSON-safe;
+        collective.
 
-        Those of a scene have each why it has no limit, if it is known to have none, see
-        ``no_limit``, and the name of its body or of the region of its material, if there are
-        several.  The stress out of the plane is among them in plane strain.
+        For a scene each extreme has the reason ``no_limit`` if its stress is known to have no
+        limit, and the name of its body, or of the region of its material, if there are several.  In
+        plane strain the stress out of the plane is among them.
         """
         finite = not parallel.any_rank(
             self.comm, not np.isfinite(self.stress.displacement.x.array).all()
@@ -410,7 +418,7 @@ class RawStresses(StressFields):
             {name: self._told(entry, finite=finite) for name, entry in extremes.items()}
             for extremes in (raw, recovered)
         )
-        # Of forms nobody says where it has no limit.
+        # For forms it is not known where the stress has no limit.
         if recovered_rows and self.mechanics.model.materials:
             error = self._error_of_largest(raw["von_mises"], recovered["von_mises"])
             largest = rows["von_mises"], recovered_rows["von_mises"]
@@ -426,9 +434,11 @@ class RawStresses(StressFields):
         }
 
     def _no_limit_elsewhere(self, largest: float) -> str | None:
-        """Why, and at which corner of a body, there is a larger stress on a finer mesh: one that
-        has no limit, and carries a notable share of the largest one already; of a large body in 3D
-        nobody asks; collective.
+        """Return why, and at which corner of a body, a finer mesh has a larger stress than this
+        one, or None; collective.
+
+        The stress there has no limit, and is a notable share of the largest one already.  Large
+        bodies in 3D are not searched.
         """
         model: Model = self.mechanics.model
         dim = model.tagged.dimension
@@ -445,9 +455,12 @@ class RawStresses(StressFields):
         return why if share > 2 * NOTABLE else None
 
     def _error_of_largest(self, raw: Extreme, recovered: Extreme) -> float:
-        """Return the error of the larger one of the largest von Mises stresses: from their
-        difference, and in the cells at the place of the raw one from their jumps, from what is
-        recovered there, and from its mean; collective.
+        """Return the error of the larger one of the two largest von Mises stresses, raw and
+        recovered; collective.
+
+        It is the largest of their difference, and in the cells at the place of the raw one of its
+        jumps, its difference from the recovered stress there, and its difference from the mean of
+        that stress.
         """
         model: Model = self.mechanics.model
         off = [abs(recovered.value - raw.value)]
@@ -475,9 +488,10 @@ class RawStresses(StressFields):
         return float(max(*off, abs(raw.value - mean[0] / max(mean[1], 1.0))))
 
     def utilisation(self) -> dict[str, Any] | None:
-        """Return the largest share of the yield stress, of raw and recovered stress the one that
-        uses more, and where, JSON-safe; None if no yield stress is known, and of nonlinear
-        materials; collective.
+        """Return the largest ratio of von Mises stress to yield stress, in raw or recovered stress,
+        and its place, JSON-safe; collective.
+
+        None if no yield stress is known, and for nonlinear materials.
         """
         model = self.mechanics.model
         if not self.recovers or all(math.isinf(_limit(one)) for one in model.materials):
@@ -497,12 +511,16 @@ class RawStresses(StressFields):
 
     @cached_property
     def _why_no_limit(self) -> Callable[[tuple[float, ...]], str | None]:
-        """Why there is no limit at a place; several extremes may be there."""
+        """A cached ``why_no_limit`` of this body, because several extremes may have the
+        same place.
+        """
         return cache(partial(why_no_limit, self.mechanics.model))
 
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
-        """Return an extreme, with the part of several, and of a linear body why there is no limit;
-        JSON-safe; collective.
+        """Return an extreme as a dictionary, JSON-safe; collective.
+
+        With several regions it has the one of the extreme, and for a linear body why its stress has
+        no limit.
         """
         told = {"value": extreme.value, "place": [*extreme.place]}
         model = self.mechanics.model
@@ -531,8 +549,8 @@ def principal_of(sigma: Array) -> Array:
 
 
 def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
-    """Return the one of some regions that a cell is in, by its global number; None if it is in none
-    of them; collective.
+    """Return which of some regions contains a cell, given by its global number; None if none does;
+    collective.
     """
     cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
     local_cell = cell - cells.local_range[0]
@@ -547,7 +565,9 @@ def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
 
 
 def interpolated(expression: Expr, space: fem.FunctionSpace, name: str = "f") -> fem.Function:
-    """Return a UFL expression of the shape of the space, interpolated into it; collective."""
+    """Return a UFL expression interpolated into a function space of the same value shape;
+    collective.
+    """
     function = fem.Function(space, name=name)
     with compiling():
         compiled = fem.Expression(

@@ -37,7 +37,9 @@ from signorini_fx.tuned import ERROR_PATIENCE
 
 
 def summary_of(solution: Solution) -> dict[str, Any]:
-    """Return all figures of a solve that stand, JSON-safe; collective, the same on every rank."""
+    """Return all figures of a solve that need no further computation, JSON-safe; collective, the
+    same on every rank.
+    """
     history = solution.history
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
@@ -86,9 +88,12 @@ def summary_of(solution: Solution) -> dict[str, Any]:
 def _step_summary(
     solution: Solution, findings: list[dict[str, Any]], *, figures: bool
 ) -> dict[str, Any]:
-    """Return a row of the table of load steps.
+    """Return a row of the table of load steps; figures without a meaning are nan.
 
-    ``figures``: whether they mean anything, else they are not a number.
+    Args:
+        solution: the solution with the results of the load step.
+        findings: rows of findings, to which new ones are added.
+        figures: whether the step has figures with a meaning.
     """
     result = solution.last_step
     row = {
@@ -116,8 +121,9 @@ _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   sec
 
 
 def table_row(record: Record) -> str:
-    """Return one line of the iteration table, the first with its header; an outer record closes its
-    regularised problem.
+    """Return one line of the iteration table; the first line has the header above it.
+
+    An outer record ends its regularised problem.
     """
     if isinstance(record, StepRecord):
         return f"--- {record} ".ljust(len(_HEADER), "-")
@@ -143,7 +149,7 @@ def print_progress(record: Record) -> None:
 
 
 def lines_of(summary: Summary, folder: Path) -> list[TerminalLine]:
-    """Return the whole summary for a terminal, and where the results are."""
+    """Return the whole summary and the folder of the results as lines for a terminal."""
     return [*_figures(summary), row("results", f"{folder}/")]
 
 
@@ -178,7 +184,7 @@ def _figures(summary: Summary) -> list[TerminalLine]:
 
 
 def _events(events: list[str]) -> list[TerminalLine]:
-    """Return the events of the history by kind."""
+    """Return one line for each kind of event of the history."""
     shown = dict.fromkeys(event for event in events if not event.startswith("level "))
     beginnings = {
         "increments": "load step ",
@@ -197,7 +203,7 @@ def _events(events: list[str]) -> list[TerminalLine]:
 
 
 def _pieces(pieces: list[dict[str, Any]], limit: int = 4) -> list[TerminalLine]:
-    """Return the places of the first few pieces of a body that is not connected."""
+    """Return the bounding boxes of the first few pieces of a body that is not connected."""
     shown = []
     for piece in pieces[:limit]:
         name = "" if piece["body"] is None else f"{piece['body']}, "
@@ -210,7 +216,7 @@ _PACKAGES = ("fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", 
 
 
 def versions() -> dict[str, str]:
-    """Return versions of all libraries, and the BLAS in use."""
+    """Return the versions of all libraries, and the BLAS in use."""
     import dolfinx
     from petsc4py import PETSc
 
@@ -228,8 +234,8 @@ def versions() -> dict[str, str]:
 
 
 def blas_in_use() -> str:
-    """File name of the BLAS library that this process has loaded; a reference BLAS is several times
-    slower.
+    """Return the file name of the BLAS library that this process has loaded, because a reference
+    BLAS is several times slower.
     """
     try:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -251,11 +257,17 @@ T = TypeVar("T")
 def post_processing(
     comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]
 ) -> T | None:
-    """Return what ``state`` returns; None if it fails on any rank, with a warning among the
-    findings; collective.
+    """Return the result of ``state``, or None if it fails on any rank; then a warning is added to
+    the findings.  Collective.
 
-    ``subject``: a key of the summary.
-    ``findings``: its rows.  An error is raised if the other ranks wait for this one.
+    If the other ranks do not return, because they wait for this one in a collective call, the error
+    is raised.
+
+    Args:
+        comm: the ranks.
+        subject: a key of the summary.
+        findings: rows of findings.
+        state: what to compute.
     """
     apart = comm.Dup()  # the others may be in a collective call of ``comm``
     result: T | None = None
@@ -283,21 +295,21 @@ def post_processing(
 
 
 def failure_in_words(error: Exception) -> str:
-    """Kind, place and last line of an error that nobody expected."""
+    """Return the type, the function and the last line of an unexpected error."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     told = str(error).strip().splitlines()
     return f"{type(error).__name__} in {last.name}{f': {told[-1]}' if told else ''}"
 
 
 def asked(solution: Solution) -> dict[str, Callable[[Solution], Any]]:
-    """Return the keys of the summary that ``proved`` may add, and what computes them."""
+    """Return a function for each key of the summary that ``proved`` may add."""
     own = {quantity.key: partial(_own_value, quantity) for quantity in own_quantities()}
     return {**afterwards(solution), **own}
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what is computed once the results stand, as far as the scene asks for it: entries of
-    the summary; collective.
+    """Return the entries of the summary that are computed after the results are written, if the
+    scene requests them.  Collective.
     """
     entries: dict[str, Any] = {}
     for key, value_of in asked(solution).items():
@@ -312,6 +324,6 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
 
 
 def _own_value(quantity: Quantity, solution: Solution) -> float | list[float] | None:
-    """Return the value of a quantity of one's own, as JSON has it."""
+    """Return the value of a user-defined quantity, checked to be valid JSON."""
     adapter: TypeAdapter[float | list[float] | None] = TypeAdapter(float | list[float] | None)
     return adapter.validate_python(quantity.value(solution), strict=True)

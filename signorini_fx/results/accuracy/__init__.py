@@ -1,5 +1,5 @@
-"""The error of a solution and the cost of reducing it; which mesh comes next is decided by
-``solving``.
+"""The error of a solution and the cost of reducing it; ``solving`` decides which mesh comes
+next.
 """
 
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.

@@ -1,12 +1,11 @@
-"""One adjoint solve: what a quantity of the solution owes to every residual force and to every
-change of the law.
+"""One adjoint solve: the derivatives of a quantity by every residual force and every change of the
+contact law.
 
-Data p enter the state (x, t) through R(x, t; p) = A x - b + B^T (w t) = 0 and, for fixed sets, the
-affine law
-dt = D (d(B x) - dd) + c, with D the blocks of the Newton tangent, dd a change of gap and origin,
-and c of the traction at a given displacement.  docs/theory.md has the adjoint state psi of a
-quantity J(x, t) with J_t = w kappa, and its derivatives, with q = B psi - kappa; all derivatives by
-p are those for fixed x and t.
+Data p enter the state (x, t) through R(x, t; p) = A x - b + B^T (w t) = 0 and, for fixed active
+sets, the affine law dt = D (d(B x) - dd) + c.  Here D are the blocks of the Newton tangent, dd is a
+change of gap and origin of the slip, and c a change of the traction at a given displacement.
+docs/theory.md has the adjoint state psi of a quantity J(x, t) with J_t = w kappa, and its
+derivatives, with q = B psi - kappa; all derivatives by p are those for fixed x and t.
 
 Without regularisation the tied components, the normal one in contact and the tangential ones of
 stick, do not change at all, B dx = dd, and psi must not move them.  The multipliers chi of this
@@ -51,28 +50,30 @@ REFUSES = {
 
 @dataclass(frozen=True)
 class LinearisedLaw:
-    """The law at the n points of this rank."""
+    """The contact law, linearised at the n points of this rank."""
 
-    # components whose displacement the law prescribes, or would without regularisation, shape (n,
-    # d)
+    # components whose displacement the law prescribes, or would prescribe without regularisation,
+    # shape (n, d)
     tied: Flags
-    # E, from their tractions to all components: the friction bound follows the pressure, shape (n,
-    # d, d)
-    spread: Array
-    # the rest of the tangent, by which the shear follows the direction of slip, stress per length,
+    # E, from tractions of tied components to those of all: the friction bound follows the pressure,
     # shape (n, d, d)
+    spread: Array
+    # the rest of the tangent: the shear follows the direction of slip, stress per length, shape
+    # (n, d, d)
     turning: Array
     gamma: Array  # stiffness of each component, stress per length, shape (d,)
     exact: bool  # whether there is no regularisation
     slip: Array  # e where the shear is at its bound, else zero, shape (n, d - 1)
-    between: int  # points of all ranks that stand between two sets, where derivatives are one-sided
-    # by how much more slips change with displacements than these along the contact do, as they turn
-    # it, without unit, shape (n, d - 1, d); None: by nothing
+    between: int  # points of all ranks between two active sets: derivatives are one-sided there
+    # derivatives of slips by displacements beyond the tangential displacement itself, because
+    # displacements turn the contact, without unit, shape (n, d - 1, d); None: zero
     slips: Array | None = None
 
     @property
     def tangent(self) -> Array:
-        """D by displacements of the points, stress per length, shape (n, d, d)."""
+        """D, the derivative of tractions by displacements of the points, stress per length, shape
+        (n, d, d).
+        """
         tied = self.spread * (self.gamma * self.tied)[:, None, :]
         slopes = self.turning
         if not self.exact:
@@ -81,7 +82,7 @@ class LinearisedLaw:
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
     def by_slips(self, owed: Array) -> Array:
-        """Return what is owed to gaps and slips that the law prescribes, from what is owed to
+        """Return derivatives by the gaps and slips that the law prescribes, from derivatives by
         displacements, shape (n, d).
         """
         if self.slips is None or not self.exact:
@@ -97,7 +98,9 @@ class LinearisedLaw:
 def law_at(
     task: Task, outcome: Outcome, start: Start, state: PointState, law: PointFriction | None
 ) -> LinearisedLaw:
-    """Return the law at the solution of a load step that has just been solved; collective."""
+    """Return the linearised law at the solution of a load step that has just been solved;
+    collective.
+    """
     exact = not all(np.isfinite(task.promised(outcome)[:2]))
     data = start.data if exact else outcome.problem.data
     gamma = data.gamma_n, data.gamma_t
@@ -112,10 +115,14 @@ def linearised(
     exact: bool,
     before: Array | None = None,
 ) -> LinearisedLaw:
-    """Return the law at a solution, with (gamma_1, gamma_2), stress per length, those of the
-    regularisation unless there is none (``exact``); collective.
+    """Return the linearised law at a solution; collective.
 
-    ``before``: the shear at the beginning of the load step, stress, shape (n, d - 1).
+    Args:
+        state: the state of the contact points.
+        law: the friction law; None without friction.
+        gamma: (gamma_1, gamma_2), stress per length; those of the regularisation unless ``exact``.
+        exact: whether there is no regularisation.
+        before: the shear at the beginning of the load step, stress, shape (n, d - 1).
     """
     contact = state.in_contact
     count, tangents = state.shear.shape
@@ -154,7 +161,7 @@ def _between(
     slips: Flags,
     sticks: Flags,
 ) -> int:
-    """Return points of all ranks that would change their set if hardly anything changed;
+    """Return how many points on all ranks would change their active set under a negligible change;
     collective.
     """
     comm = state.points.comm
@@ -170,8 +177,8 @@ def _between(
 
 @dataclass(frozen=True)
 class Explicit:
-    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or
-    its derivatives.
+    """The explicit dependence of a load step on a datum, for fixed displacement and tractions:
+    values, or their derivatives.
     """
 
     values: Sequence[float]  # of the quantities
@@ -195,7 +202,7 @@ class Adjoint:
     weight: Array  # w, shape (n,)
 
     def derivative(self, by: Explicit, direct: float) -> float:
-        """dJ/dp from what depends on p explicitly, and J_p; collective."""
+        """Return dJ/dp from the explicit derivatives by p and from ``direct``, J_p; collective."""
         changes = inner(self.tied, by.relative) + by.bound * inner(
             self.untied[:, 1:], self.law.slip
         )
@@ -206,9 +213,11 @@ class Adjoint:
 class TransposedTangent:
     """The transposed Newton tangent at a solution, factorised once for all quantities; collective.
 
-    Attributes:
-        symmetric: whether A is, which at finite displacements it is not where friction acts on a
-            curved shape.
+    Args:
+        system: the elastic system.
+        law: the linearised contact law.
+        symmetric: whether A is symmetric, which at finite displacements it is not where friction
+            acts on a curved shape.
     """
 
     def __init__(
@@ -235,8 +244,8 @@ class TransposedTangent:
         tangent.insert(matrix, blocks if self._as_it_is else transposed)
 
     def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
-        """Solve for one right-hand side, by a Krylov method to a residual against ``forces``;
-        collective.
+        """Solve for one right-hand side; a Krylov method stops at a residual relative to
+        ``forces``; collective.
         """
         self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
@@ -251,14 +260,17 @@ class TransposedTangent:
             )
 
     def _left(self, x: PETSc.Vec, right: PETSc.Vec, residual: PETSc.Vec) -> None:
-        """What a solution leaves of the right-hand side."""
+        """Compute the residual of a solution."""
         matrix, _ = self.ksp.getOperators()
         (matrix.multTranspose if self._as_it_is else matrix.mult)(x, residual)
         residual.aypx(-1.0, right)
 
     def adjoint(self, by_displacement: PETSc.Vec, by_traction: Array) -> Adjoint:
-        """Return the adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero
-        where they are prescribed, and kappa, J_t over the weight, shape (n, d); collective.
+        """Return the adjoint state of a quantity J; collective.
+
+        Args:
+            by_displacement: J_x at the unknowns of the stiffness, zero where they are prescribed.
+            by_traction: kappa, J_t over the weight, shape (n, d).
 
         Raises:
             SignoriniError: the tangent is singular, or the iteration for chi is too slow.
@@ -280,8 +292,7 @@ class TransposedTangent:
         while True:
             self._solve(residual, correction, forces)
             psi.axpy(1.0, correction)
-            # once more for what is left: the penalties of a contact hide forces from the first
-            # solve
+            # one step of iterative refinement: penalties hide forces from the first solve
             if not law.exact:
                 self._left(psi, load, residual)
                 self._solve(residual, correction, residual.norm())
@@ -289,8 +300,8 @@ class TransposedTangent:
             solves += 1
             moved = np.column_stack(contact.traces(psi))
             untied = moved - by_traction
-            # A traction cannot move what supports prescribe, and so without regularisation it is
-            # none of the unknowns.
+            # A traction cannot move a component that supports prescribe; without regularisation it
+            # is then no unknown.
             unmoved = (np.abs(moved) <= SAME_NUMBER * length(moved)[:, None]) & law.exact
             tractions = np.where(law.tied, rmatvec(law.spread, untied), 0.0)
             step = law.gamma * np.where(unmoved, 0.0, tractions)

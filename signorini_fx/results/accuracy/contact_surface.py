@@ -1,9 +1,8 @@
-"""The contact surface of a body in 3D in flat pieces, between whose corners nodal values are
-linear.
+"""The contact surface of a body in 3D, divided into flat pieces with linear values between their
+corners.
 
-A facet of triangles or quadrilaterals of degree 1 is a piece, one of degree 2 is four.  What
-follows an arc length in the plane has a counterpart here that needs no order of the nodes: slopes
-from piece to piece.
+A facet of triangles or quadrilaterals of degree 1 is one piece, a facet of degree 2 is four.  What
+follows the arc length in 2D is done here from piece to piece, which needs no order of the nodes.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _PIECES = {
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """The pieces, k corners each, 3 or 4."""
+    """The flat pieces of a contact surface, with k corners each, 3 or 4."""
 
     x: Array  # position of the nodes, length, shape (rows, 3)
     # the rows of the contact table at the corners of each piece, around it, shape (pieces, k)
@@ -64,12 +63,12 @@ class ContactSurface:
 
     @cached_property
     def area(self) -> Array:
-        """Return the area of each piece, shape (pieces,)."""
+        """The area of each piece, shape (pieces,)."""
         return np.linalg.norm(self._normal_area, axis=1)
 
     @cached_property
     def normal(self) -> Array:
-        """Unit normal of each piece, in or out, shape (pieces, 3)."""
+        """Unit normal of each piece, inwards or outwards, shape (pieces, 3)."""
         return self._normal_area / self.area[:, None]
 
     @cached_property
@@ -79,14 +78,14 @@ class ContactSurface:
 
     @cached_property
     def sides(self) -> Array:
-        """Length of the sides of each piece, the first from its first corner to its second, shape
-        (pieces, k).
+        """Length of the sides of each piece, shape (pieces, k); the first side is that from the
+        first corner to the second.
         """
         return np.linalg.norm(self._edges, axis=2)
 
     @cached_property
     def outward(self) -> Array:
-        """Unit vectors in the plane of each piece, across each side and out of the piece, shape
+        """Unit vectors in the plane of each piece, normal to each side and out of the piece, shape
         (pieces, k, 3).
         """
         across = np.cross(self._edges, self.normal[:, None, :])
@@ -94,8 +93,8 @@ class ContactSurface:
 
     @cached_property
     def across(self) -> Ints:
-        """Return the side of the neighbour across each side, as piece times k plus side; -1 at the
-        rim; shape (pieces, k).
+        """The side of the neighbouring piece at each side, as piece times k plus side, shape
+        (pieces, k); -1 at the rim.
         """
         ends = np.sort(
             sides_of(self.corners).reshape(-1, 2),
@@ -112,7 +111,9 @@ class ContactSurface:
 
     @cached_property
     def rim(self) -> Flags:
-        """Which sides have no neighbour: there the contact boundary ends; shape (pieces, k)."""
+        """Which sides have no neighbour, because the contact boundary ends there, shape (pieces,
+        k).
+        """
         return self.across < 0
 
     @property
@@ -122,11 +123,11 @@ class ContactSurface:
         return np.isin(np.arange(len(self.x)), ends)
 
     def jumps(self, values: Array) -> Array:
-        """Return how much the slope across each side changes from one piece to the next, shape
-        (pieces, k); 0 at the rim.
+        """Return the jump of the slope across each side from one piece to the next, shape (pieces,
+        k); 0 at the rim.
 
         Args:
-            values: at the nodes, shape (rows,).
+            values: values at the nodes, shape (rows,).
         """
         corner_values = values[self.corners]
         middle = (corner_values + np.roll(corner_values, -1, axis=1)) / 2
@@ -136,7 +137,9 @@ class ContactSurface:
         return np.where(self.rim, 0.0, slopes + slopes.ravel()[self.across])
 
     def turns(self) -> Array:
-        """Angle between each piece and its neighbours, radians, shape (pieces, k); 0 at the rim."""
+        """Return the angle between each piece and its neighbours, radians, shape (pieces, k); 0 at
+        the rim.
+        """
         neighbour_normal = self.normal[np.maximum(self.across, 0) // self.corners.shape[1]]
         # Orders around pieces may differ: then one normal points in.
         cosine = np.abs(np.einsum("ik,ijk->ij", self.normal, neighbour_normal))
@@ -144,11 +147,11 @@ class ContactSurface:
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
     def squares(self, pressure: Array) -> Array:
-        """Estimated squared error of the pressure on each piece, stress^2 times area, shape
-        (pieces,).
+        """Return the estimated squared error of the pressure on each piece, stress^2 times area,
+        shape (pieces,).
 
-        It is that along a curve, see ``pressure_error``, side by side: a pressure that changes
-        along one direction only has the same error here as there.
+        It is the estimate along a curve, see ``pressure_error``, summed over the sides: a pressure
+        that changes along one direction only has the same error here as there.
         """
         jumps = self.jumps(pressure)
         heights = (2 if self.corners.shape[1] == 3 else 1) * self.area[:, None] / self.sides
@@ -157,7 +160,7 @@ class ContactSurface:
         return np.maximum(squares, CORNER_SHARE * self._convex(pressure, jumps, kinks))
 
     def growing(self, pressure: Array) -> Flags:
-        """Return which rows in contact are on the rim, with a pressure that is convex towards it,
+        """Return which rows in contact are on the rim, where the pressure is convex towards it,
         shape (rows,).
         """
         jumps = self.jumps(pressure)
@@ -166,8 +169,10 @@ class ContactSurface:
         return beside & self.rim_nodes & (pressure > 0)
 
     def _convex(self, pressure: Array, jumps: Array, kinks: Array) -> Array:
-        """Return sums of what the sides of each piece have, shape (pieces,), where the pressure is
-        convex towards the rim, and may be singular there; at a plane of symmetry it is concave.
+        """Return for each piece at the rim the sum of ``kinks`` over its sides where the pressure
+        is convex towards the rim, shape (pieces,).
+
+        There the pressure may be singular; at a plane of symmetry it is concave.
         """
         on_rim = (self.rim_nodes & (pressure != 0))[self.corners]
         pressed = (pressure != 0)[self.corners].all(
@@ -180,10 +185,12 @@ class ContactSurface:
         return np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1)
 
     def of_rank(self, boundary: ContactBoundary, values: Array) -> Array:
-        """Return sums of what the pieces have for each facet of this rank, as in
+        """Return the sum of values of the pieces for each facet of this rank, in the order of
         ``boundary.segments``; collective.
 
-        ``values``: of each piece, shape (pieces,).
+        Args:
+            boundary: the contact points of this rank.
+            values: one value for each piece, shape (pieces,).
         """
         first = parallel.rows_before(boundary.comm, len(boundary.segments))
         facets = np.zeros(self.count)

@@ -1,8 +1,8 @@
 """The convergence table: a row for each mesh of a nested iteration, with its errors and its cost,
-and one for the next.
+and a prediction for the next mesh.
 
 It needs no further solves: errors are estimated on each mesh, those of forces and largest pressures
-by changes from the previous meshes, extrapolated.
+by extrapolated changes from the previous meshes.
 """
 
 from __future__ import annotations
@@ -33,15 +33,18 @@ from signorini_fx.tuned import (
 
 
 def polygon_error_of(name: str, polygon: float) -> float:
-    """Return the error of a quantity that straight facets add if they approximate a curved
-    boundary.
+    """Return the error of a quantity that is due to straight facets on a curved boundary.
+
+    Args:
+        name: the quantity.
+        polygon: see ``LevelResult.polygon``.
     """
     share = POLYGON_SHARES.get(name)
     return (POLYGON_SHARES["pressure"] * polygon) ** 2 if share is None else share * polygon
 
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
-    """Return a mesh with the errors that its straight facets add."""
+    """Return the results of a mesh with the errors that its straight facets add."""
     pressure = (
         None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
     )
@@ -57,25 +60,26 @@ def convergence_table(
     rates: Mapping[str, float] = EXPECTED_RATES,
     uniform: bool = True,
 ) -> list[Price]:
-    """Return the rows for the meshes that were solved, at least two, coarsest first, and one for
-    the next.
+    """Return a row for each solved mesh, and one for the next mesh.
 
-    ``base_memory``: before the first mesh, MB.
-    ``rates``: how the errors are expected to decrease with h.
-    ``uniform``: whether each mesh is finer than the previous one everywhere, and by about the same
-        factor, else changes between meshes are no errors.
+    Args:
+        levels: the solved meshes, at least two, coarsest first.
+        base_memory: memory before the first mesh, MB.
+        rates: the expected rates by which errors decrease with h.
+        uniform: whether each mesh is finer than the previous one everywhere, and by about the same
+            factor; otherwise changes between meshes are no measure of errors.
     """
     rows = []
     for index, level in enumerate(levels):
         so_far = levels[: index + 1]
         errors = {"pressure": level.pressure, "force": None, "peak": None}
         if index > 0:
-            # A single change was seen to mislead.
+            # A single change may mislead.
             known = index > 1 and level.pressure is not None
             errors["force"] = force_error(so_far, uniform=uniform) if known else None
             errors["peak"] = error = peak_error([level.table for level in so_far])
             if error is not None:
-                # Changes of meshes that are divided here and there do not show the error elsewhere.
+                # Changes between locally refined meshes do not show the error elsewhere.
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
                 errors["peak"] = (
                     error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
@@ -92,15 +96,15 @@ def convergence_table(
 
 
 def fineness_of(dofs: float, dimension: int) -> float:
-    """1 / h of a mesh with so many unknowns, but for a factor; of a quotient of unknowns, how many
-    times finer.
+    """Return 1 / h of a mesh with this number of unknowns, up to a factor; for a ratio of unknowns,
+    the ratio of 1 / h.
     """
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
 
 
 def seen_rate(rows: Sequence[Price], dimension: int) -> float:
-    """Return the rate at which the error in the energy norm decreases with h; with a single mesh,
-    that of first order.
+    """Return the observed rate at which the error in the energy norm decreases with h; 1 with a
+    single mesh.
     """
     last = rows[-1]
     energies = [row.energy for row in rows[-2:]]
@@ -111,17 +115,18 @@ def seen_rate(rows: Sequence[Price], dimension: int) -> float:
 
 
 def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
-    """Error of contact and friction force on the last mesh, relative; None where there is no force.
+    """Return the relative error of contact and friction force on the last mesh, or None without a
+    force.
 
-    By J. A. Nitsche's argument it decreases like the square of that of the displacement, by which
-    changes are extrapolated.  On meshes that are divided here and there it is at least a share of
+    By J. A. Nitsche's argument it decreases like the square of the error of the displacement; with
+    this rate the changes are extrapolated.  On locally refined meshes it is at least a share of
     that square, unless statics determines the force, which then does not change at all.  Meshes
-    with the same few nodes in contact do not show what these miss.  Of several contact boundaries
-    it is that of all forces together, as their resultant may vanish.
+    with the same few nodes in contact do not show what these miss.  With several contact boundaries
+    it is the error of all forces together, as their resultant may vanish.
 
     Args:
         levels: at least two, coarsest first.
-        uniform: whether each mesh is finer than the one before everywhere.
+        uniform: whether each mesh is finer than the previous one everywhere.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.forces))
@@ -129,8 +134,8 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
         return None
     seen = 0.0
     for coarse in levels[-1 - CHANGES_USED : -1]:
-        # A coarse mesh without any error, such as one on which nothing touches, says nothing: all
-        # of it may be left.
+        # A coarse mesh without an error estimate, such as one on which nothing touches, shows no
+        # rate: all of the error may remain.
         left = min(
             (fine.energy / coarse.energy) ** 2 if coarse.energy > 0 else 1.0, SLOWEST_DECREASE
         )
@@ -143,12 +148,11 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
 
 
 def border_of(table: ContactTable) -> float | None:
-    """Return half of the pieces that are pressed at some corners only, relative to the contact
-    area, in 3D.
+    """Return half of the area of the pieces with both pressed and open corners, relative to the
+    contact area, in 3D; None without contact.
 
-    The contact ends within them, and nodes count about half of them.  The change of the area from
-    mesh to mesh says
-    less: it is zero where no node changes.
+    The contact ends within these pieces, and nodes count about half of them.  The change of the
+    area from mesh to mesh is a worse estimate: it is zero where no node changes.
     """
     surface = ContactSurface.of(table)
     pressed = table.columns["pressure"] > 0
@@ -159,8 +163,8 @@ def border_of(table: ContactTable) -> float | None:
 
 
 def ends_of_zones(table: ContactTable) -> float | None:
-    """Return, in 2D, the longest interval in which the contact ends, relative to its length; None
-    if it has no ends.
+    """Return the longest interval in which a contact zone ends, relative to the length of the
+    zones, in 2D; None without ends.
     """
     length = longest = 0.0
     pressed = table.columns["pressure"] > 0
@@ -182,10 +186,17 @@ def predict(
     dimension: int = 2,
     krylov_from: float = np.inf,
 ) -> Price:
-    """Return the next mesh: errors by their rates, time and memory by their growth with the
-    unknowns; None if as many times as the last one was.
+    """Return a prediction for the next mesh: errors by their rates, time and memory by their growth
+    with the unknowns.
 
-    ``finer``: how many times finer the next mesh is, on average over the body.
+    Args:
+        rows: the solved meshes, at least two.
+        base_memory: memory before the first mesh, MB.
+        rates: the expected rates by which errors decrease with h.
+        finer: ratio of h of the last and the next mesh, on average over the body; None for the
+            ratio of the last two meshes.
+        dimension: dimension of the body.
+        krylov_from: number of unknowns from which on a Krylov method is used.
     """
     last = rows[-1]
     previous = rows[-2]
@@ -226,12 +237,17 @@ def grown(
     offset: float = 0.0,
     least: float = 0.0,
 ) -> float:
-    """Return a constant part, at least ``offset``, and one that grows like this power of the
-    unknowns.
+    """Return a time or memory on the next mesh: a constant part, at least ``offset``, plus one that
+    grows like a power of the unknowns.
 
-    ``seen``: quotient of the unknowns of the last two meshes.
-    ``growth``: of the next mesh and the last.
-    ``least``: the least share of the rest that grows.
+    Args:
+        value: its value on the last mesh.
+        earlier: its value on the mesh before.
+        seen: ratio of the unknowns of the last two meshes.
+        growth: ratio of the unknowns of the next and the last mesh.
+        power: the power.
+        offset: the least constant part.
+        least: the least share of the rest that grows.
     """
     growing = (value - earlier) / (1 - seen**-power)
     excess = max(value - offset, 0.0)
@@ -239,7 +255,7 @@ def grown(
 
 
 def render(rows: list[Price]) -> str:
-    """Return the convergence table for a terminal."""
+    """Return the convergence table as text for a terminal."""
 
     def number(value: float | None) -> str:
         return "        -" if value is None else f"{value:9.1e}"

@@ -39,14 +39,15 @@ class Errors:
     """The error estimates on one mesh; all errors are relative.
 
     Attributes:
-        energy: of the displacement, energy norm, loads included; of a nonlinear body that of the
-            stress.
-        pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary
-            shows it; None without contact, and where it is not known.
-        force: of contact and friction force, by J. A. Nitsche's argument the square of that of the
-            displacement, of a nonlinear body the product of those of stress and strain, and with it
-            ``points``; where loads press the body and not displacements, far above the error.
-        points: the part of it that contact at the nodes misses between them.
+        energy: error of the displacement in the energy norm, that of loads included; for a
+            nonlinear body error of the stress.
+        pressure: error of the contact pressure in L2(Gamma_c), that of loads included, as the
+            contact boundary shows it; None without contact, and where it is not known.
+        force: error of contact and friction force: by J. A. Nitsche's argument the square of that
+            of the displacement, for a nonlinear body the product of those of stress and strain,
+            together with ``points``; where loads, not displacements, press the body, far above the
+            true error.
+        points: the part of ``force`` that contact at the nodes misses between them.
         loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
@@ -67,9 +68,14 @@ class Errors:
 def estimate_errors(
     mechanics: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float
 ) -> Errors:
-    """Estimate the errors on a mesh by the mechanics of a body; collective.
+    """Return the error estimates on a mesh; collective.
 
-    ``energy``: strain energy of the solution.
+    Args:
+        mechanics: the mechanics of the body.
+        displacement: y.
+        energy: strain energy of the solution.
+        table: the contact table.
+        step: position in the lists of load factors.
     """
     model = mechanics.model
     missed = missed_loads(model, step) + missed_gaps(model, table, step)
@@ -93,15 +99,19 @@ def combined(
     displaced: Collection[int] = (),
     modulus: float | None = None,
 ) -> Errors:
-    """Return all error estimates from those of each owned cell, shape (cells,): ``recovery``: the
-    squared error in the energy norm, of a nonlinear body those of stress and strain, each over its
-    square and times ``2 energy``, shape (2, cells); None: that of the model; collective.
+    """Return all error estimates from the squared errors of the cells; collective.
 
-    ``energy``: strain energy, of a nonlinear body half of the norms of stress and strain.
-    ``kinematics``: of the body.
-    ``missed``: share of all forces.
-    ``displaced``: numbers of the contacts that are met at displaced points.
-    ``modulus``: stress per strain.
+    Args:
+        model: the body on its mesh.
+        table: the contact table.
+        recovery: squared error of each owned cell in the energy norm, shape (cells,); for a
+            nonlinear body those of stress and strain, each over the square of its norm and times
+            ``2 energy``, shape (2, cells).
+        energy: strain energy; for a nonlinear body half of the squared norm of stress and strain.
+        kinematics: kinematics of the body.
+        missed: share of all forces that quadrature and gaps miss in each cell.
+        displaced: numbers of the contacts that are evaluated at displaced points.
+        modulus: stress per strain; None for that of the model.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -163,17 +173,19 @@ def combined(
             "energy": body + loads * missed,
             "force": body + loads * missed + points,
             "pressure": contact + (POLLUTION * error) ** 2 * body + loads * missed,
-            # Half of it at the top, where the kinks of the pressure are small and the error of the
-            # largest one is, and at corners, where it may become the largest.
+            # Half of it is at the largest pressure, where the kinks are small although the error of
+            # this value arises there, and at corners, where the pressure may become the largest.
             "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
         },
     )
 
 
 def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
-    """Return the force that acts on facets where a gap is another one between the nodes than there,
-    by a notable share of the displacements, and opens or closes the contact: as where it jumps
-    within a facet; of each owned cell, shape (cells,); collective.
+    """Return the contact force on facets where the gap between the nodes differs from its
+    interpolation, for each owned cell, shape (cells,); collective.
+
+    The difference counts if it is a notable share of the displacements, and opens or closes the
+    contact, such as where the gap jumps within a facet.
     """
     boundary = model.boundary
     missed = np.zeros(model.tagged.mesh.topology.index_map(model.tagged.dimension).size_local)
@@ -204,7 +216,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
             moved = columns["u_n"][rows[some]] @ weights.T
             there = sample(effect.gap, points.reshape(3, -1)).reshape(-1)
             there = np.broadcast_to(there, linear.size).reshape(linear.shape)
-            # One that bends evenly has small steps between neighbouring points.
+            # A gap that bends evenly has small steps between neighbouring points.
             steps = np.abs(np.diff((there - linear)[:, beside], axis=2)).max(axis=(1, 2))
             other = (np.abs(there - linear) > beyond) & (
                 (moved >= there - beyond) != (moved >= linear - beyond)
@@ -220,18 +232,23 @@ def missed_by_points(
     kinematics: Kinematics,
     displaced: Collection[int],
 ) -> tuple[Array, Array]:
-    """Return what contact at the nodes misses between them, for each facet of this rank as in
-    ``boundary.segments``: the work of the pressure on distances that are not those of a straight
-    line, and the force that ends somewhere between a node in contact and one that is not, times the
-    change of the direction that it has; collective.
+    """Return what contact at the nodes misses between them, for each facet of this rank in the
+    order of ``boundary.segments``; collective.
 
-    ``displaced``: see ``combined``; there only directions tell how a distance changes along the
-    boundary.
+    The first array is the work of the pressure on the difference between the gap and its linear
+    interpolation, the second the force on intervals in which the contact ends, times the change of
+    its direction.
+
+    Args:
+        boundary: the contact points of this rank.
+        table: the contact table.
+        kinematics: kinematics of the body.
+        displaced: see ``combined``; there the change of the gap is known from the normals alone.
     """
     c = table.columns
     surface = None
     assert table.nodes is not None
-    # A gap that bends or jumps at one end of an interval alone does so at a node, which knows it.
+    # A gap that bends or jumps at one end of an interval only does so at a node, where it is exact.
     bent = ~np.isin(table.nodes[:, 0], list(displaced))
     if table.facets is None:
         corners = np.concatenate([np.column_stack((path[:-1], path[1:])) for path in table.paths])
@@ -271,7 +288,7 @@ def missed_by_points(
 
 def worst_of(steps: Sequence[Errors]) -> Errors:
     """Return the largest errors of several load steps, relative to the largest solution and
-    pressure among them.
+    pressure of all steps.
     """
     if len(steps) == 1:
         return steps[0]
@@ -306,8 +323,12 @@ _AT_ONCE = 4096  # facets: 200 MB of their points in 3D
 
 
 def _inside(nodes: int, dimension: int) -> dict[int, Array]:
-    """Return the corners of a facet with so many nodes, by their places among them, and their
-    shares at points within it, shape (points,) each.
+    """Return the shares of the corners of a facet at points within it, shape (points,) each, by the
+    position of the corner among the nodes.
+
+    Args:
+        nodes: number of nodes of the facet.
+        dimension: dimension of the body.
     """
     at = (np.arange(_ALONG) + 0.5) / _ALONG
     if dimension == 2:
@@ -327,7 +348,11 @@ def _inside(nodes: int, dimension: int) -> dict[int, Array]:
 
 
 def areas(corners: Array) -> Array:
-    """Return the areas of facets with these corners, shape (f, k, d), in 2D lengths, shape (f,)."""
+    """Return the areas of facets, in 2D their lengths, shape (f,).
+
+    Args:
+        corners: positions of their k corners, shape (f, k, d).
+    """
     sides = corners[:, 1:] - corners[:, :1]
     if sides.shape[1] == 1:
         return np.linalg.norm(sides[:, 0], axis=1)
@@ -342,8 +367,8 @@ _CELL_DEGREE = {2: 18, 3: 12}
 
 
 def missed_loads(model: Model, step: float) -> Array:
-    """Return the part of the loads that the quadrature of each owned cell misses, a force (in 2D
-    per thickness), shape (cells,); collective.
+    """Return the part of the loads that quadrature misses in each owned cell, a force (in 2D per
+    thickness), shape (cells,); collective.
     """
     mesh = model.tagged.mesh
     dim = model.tagged.dimension

@@ -1,4 +1,4 @@
-"""What a solve is expected to cost before it begins, and the next accuracy after it."""
+"""The expected cost of a solve before it begins, and of the next accuracy after it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Cost:
 
 
 def linear_solves(model: Model, nodes: int) -> tuple[int, int]:
-    """Linear solves to expect, from and to."""
+    """Return the smallest and largest number of linear solves to expect."""
     divided = max(
         (entry.time_steps(model.path.times) for entry in model.statement.of(Effect)), default=0
     )
@@ -74,8 +74,10 @@ def factorisation_seconds(unknowns: float, dimension: int) -> float:
 
 
 def estimated_cost(model: Model) -> Cost:
-    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in
-    three; multigrid: n of both.
+    """Return the expected cost of a solve; collective.
+
+    Nested dissection has n log n entries and n^1.5 operations in 2D, n^(4/3) and n^2 in 3D;
+    multigrid has n of both.
     """
     comm = model.comm
     n = model.dofs

@@ -16,21 +16,23 @@ from signorini_fx.quantities.summary import Number, Price
 
 
 class LevelResult(Price):
-    """A mesh that was solved: the cost and the errors that it shows by itself, loads included,
-    which are those of a ``Price``, and what is compared with other meshes.  ``force``, ``zone`` and
-    ``peak`` are None: several meshes, or a ``convergence_table``, tell them.
+    """Results of a solved mesh: cost, errors, and data to compare with other meshes.
+
+    Cost and errors (loads included) are those of a ``Price``.  ``force``, ``zone`` and ``peak`` are
+    None, because they are known from several meshes only, see ``convergence_table``.
 
     Attributes:
         loads: the error of the loads on the mesh.
-        points: that of the force which a few nodes in contact miss, see ``Errors.points``.
-        polygon: effect of straight facets of a curved contact boundary, which no refinement
-            reduces; ``pressure_error.polygon_error``.
+        points: the error of the force that is due to few nodes in contact, see ``Errors.points``.
+        polygon: effect of straight facets on a curved contact boundary, which no refinement
+            reduces, see ``pressure_error.polygon_error``.
         pressure_regularisation: as ``regularisation``, of the contact pressure, relative in
             L2(Gamma_c).
         table: the contact boundary.
         forces: contact and friction force of each contact boundary in all load steps, shape (2 d
             boundaries steps,).
-        krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
+        krylov_from: number of unknowns from which on a mesh is solved by a Krylov method; infinite
+            if none is.
     """
 
     model_config = ConfigDict(arbitrary_types_allowed=True)
@@ -50,14 +52,16 @@ class LevelResult(Price):
 
     @property
     def dimension(self) -> int:
-        """Return the dimension of the body, 2 or 3."""
+        """The dimension of the body, 2 or 3."""
         return 2 if self.table.facets is None else 3
 
 
 def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
-    """Return the mean length, or the side of the mean area, that belongs to a contact node.
+    """Return the mean length per contact node; in 3D the side of a square of the mean area.
 
-    ``revolved``: weights are areas of rings.
+    Args:
+        table: the contact table.
+        revolved: whether weights are areas of rings.
     """
     weight = table.columns["weight"]
     if revolved:
@@ -68,8 +72,16 @@ def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
 def regularisation_errors(
     task: Task, outcome: Outcome, size: float, contact: ContactState
 ) -> tuple[float, float]:
-    """Return the regularisation error of a solution with this energy norm, and that of its contact
-    pressure, both relative; one or two back substitutions, collective.
+    """Return the regularisation error of a solution in the energy norm and that of its contact
+    pressure, both relative; collective.
+
+    They take one or two back substitutions.
+
+    Args:
+        task: the problem that was solved.
+        outcome: its solution.
+        size: energy norm of the solution.
+        contact: the contact state of this rank.
     """
     data = outcome.problem.data
     # Multipliers of an augmentation shift the pressure.

@@ -1,8 +1,8 @@
-"""The error of the pressure under cells that are long beside the facets in contact next to them.
+"""The error of the pressure under cells that are much longer than the facets in contact near them.
 
-Where cells are about as long as the facets that they are near, the kinks of the pressure from facet
-to facet show its error.  Under a cell that is as long as many facets the pressure is smooth from
-facet to facet, and wrong by the error of the stress in that cell, to first order.
+Where cells are about as long as the facets near them, the kinks of the pressure from facet to facet
+show its error.  Under a cell that is as long as many facets the pressure is smooth from facet to
+facet, and wrong by the error of the stress in that cell, to first order.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ _LONG = FEW_NODES // 2
 
 
 def under_long_cells(tagged: TaggedMesh, facets: Indices, squares: Array) -> Array:
-    """Return the squared error of the pressure times area for which each owned cell stands, shape
-    (cells,): at each facet the largest squared error of the stress in the cells that are longer
-    than a few times the facet and their distance from it; collective.
+    """Return the squared error of the pressure times area that each long cell causes, shape
+    (cells,); collective.
+
+    At each facet it is the largest squared error of the stress in cells that are longer than a few
+    times the facet and than a few times their distance from it.
 
     Args:
         tagged: the mesh.
-        facets: those of this rank on which a pressure acts.
-        squares: of the stress, times the volume, of each owned cell, shape (cells,).
+        facets: the facets of this rank on which a pressure acts.
+        squares: squared error of the stress times the volume of each owned cell, shape (cells,).
     """
     mesh = tagged.mesh
     dim = tagged.dimension

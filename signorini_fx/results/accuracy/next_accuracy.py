@@ -1,9 +1,9 @@
-"""What the next accuracy would cost: error and seconds of what was solved, and a forecast for an
-error so much smaller.
+"""The cost of the next accuracy: error and seconds of the present solve, and a forecast for a
+smaller error.
 
-Where a requested accuracy divides cells where the error is, errors decrease like one over the
-unknowns whatever singularities there are; where all cells become smaller with a rate between those
-at a corner of the body and elsewhere.
+Where a requested accuracy divides cells locally, errors decrease like one over the unknowns
+whatever singularities there are; where all cells become smaller, they decrease at a rate between
+those at a corner of the body and elsewhere.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from signorini_fx.tuned import (
     UNIFORM_SPREAD,
 )
 
-# The errors that a forecast may be about, and what they are of.
+# The quantities of a forecast by key, in words.
 NAMES = {
     "pressure": "the pressure",
     "force": "the force",
@@ -45,7 +45,7 @@ NAMES = {
 
 
 def between(seconds: tuple[float, float]) -> str:
-    """Return a time that is known from and to, such as 3 to 6 s."""
+    """Return a range of times in words, such as 3 to 6 s."""
     low, high = (duration(float(f"{value:.2g}")) for value in seconds)
     if low == high:
         return low if low.startswith("below") else f"about {low}"
@@ -56,11 +56,11 @@ def between(seconds: tuple[float, float]) -> str:
 
 
 def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
-    """Return whether a requested accuracy divides cells where the error is; of forms, whether it
-    can; collective.
+    """Return whether a requested accuracy divides cells locally, where the error is; for forms,
+    whether it can; collective.
 
-    Drawings may have arcs that the mesh does not show.  In 3D the way is known for the error of the
-    stress alone.
+    Drawings may have arcs that the mesh does not show.  In 3D local division is implemented for the
+    error of the stress alone.
     """
     cell = tagged.mesh.topology.cell_name()
     degree = statement.element.degree
@@ -83,9 +83,10 @@ class NextRefinement:
     """The meshes that lead to the next error.
 
     Attributes:
-        unknowns: of the last one.
-        times: how many times as long as the mesh that was solved all of them take, from and to.
-        local: whether cells are divided where the error is.
+        unknowns: number of unknowns of the last mesh.
+        times: time of all these meshes over that of the mesh that was solved, from and to.
+        degree: degree of the element.
+        local: whether cells are divided locally, where the error is.
     """
 
     unknowns: float
@@ -97,8 +98,15 @@ class NextRefinement:
 def next_refinement(
     statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, able: bool = True
 ) -> NextRefinement:
-    """Return what a requested accuracy does; residuals, which are not ``able`` to have one, get
-    smaller cells; collective.
+    """Return the meshes by which a requested accuracy would reach the next error; collective.
+
+    Args:
+        statement: the entries of the problem.
+        tagged: the mesh.
+        of: the quantity of the error.
+        dofs: number of unknowns.
+        able: whether an accuracy can be requested; for residuals it cannot, and all cells become
+            smaller.
     """
     dimension = tagged.dimension
     degree = statement.element.degree
@@ -119,7 +127,7 @@ def next_refinement(
             degree = 2
             first = 4 * dofs
         meshes = [first * times ** (-dimension / UNIFORM_RATE)]
-    # How many iterations a nonlinear body takes is known less.
+    # The number of iterations of a nonlinear body is less certain.
     regular = local and dimension == 2 and not statement.nonlinear
     spread = LOCAL_SPREAD if regular else UNIFORM_SPREAD
     # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of
@@ -145,10 +153,15 @@ def next_cost(
     """Return the forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with
     --accuracy 0.43%; collective.
 
-    ``solved``: unknowns and seconds of each mesh.
-    ``starting``: the part of the last seconds that a finer mesh takes no more of, such as that of
-        compilation.
-    ``able``: whether an accuracy can be requested.
+    Args:
+        statement: the entries of the problem.
+        tagged: the mesh.
+        of: the quantity of the error.
+        error: its relative error.
+        solved: unknowns and seconds of each mesh.
+        starting: the part of the last seconds that does not grow on a finer mesh, such as
+            compilation.
+        able: whether an accuracy can be requested.
     """
     dofs, last = solved[-1]
     following = NEXT_ERROR[tagged.dimension] * error
@@ -185,7 +198,7 @@ def next_cost(
 
 
 def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
-    """Return unknowns of each mesh, the last one first."""
+    """Return the number of unknowns of each mesh, the last one first."""
     times = NEXT_ERROR[dimension]
     mesh = statement.origin.get("mesh")
     last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
@@ -208,21 +221,25 @@ def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
     return [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
 
 
-# Quantities that a mesh shows the error of, cell by cell.  Others are told by comparing meshes; of
-# them the largest pressure is known on meshes that are fine in some places only, if these become
-# finer where it is.
+# Quantities whose error is estimated cell by cell on one mesh.  The errors of others are found by
+# comparing meshes; of them that of the largest pressure is known on locally refined meshes, if
+# these become finer where it is.
 LOCAL = ("energy", "pressure", "force")
 
-# For which of these the cells are divided if another quantity is asked for.
+# The quantity whose error divides cells if another one is requested.
 DIVIDED_FOR = {"zone": "pressure"}
 
 
 def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool:
-    """Return whether a requested accuracy divides cells where the error is, unless a scene says
-    otherwise.
+    """Return whether a requested accuracy divides cells locally, where the error is, unless a scene
+    requests otherwise.
 
-    ``cell``: of its mesh, where a generator makes triangles in place of quadrilaterals.
-    ``straight``: whether the body has no arcs and no curved cells.
+    Args:
+        statement: the entries of the problem.
+        of: the quantity of the error.
+        cell: the cell name of its mesh, although a generator may make triangles in place of
+            quadrilaterals.
+        straight: whether the body has no arcs and no curved cells.
     """
     if of not in LOCAL or not straight or not divisible(statement, of):
         return False

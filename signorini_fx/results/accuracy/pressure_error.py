@@ -1,11 +1,11 @@
-"""The errors of the contact pressure: along a curve in L2(Gamma_c) from its kinks at the nodes, and
-of the largest one from its changes from mesh to mesh.
+"""The errors of the contact pressure: in L2(Gamma_c) from its kinks at the nodes, and of its
+largest value from changes from mesh to mesh.
 
 At a corner of the body the stress may be singular, the pressure like r^(a - 1) with 1/2 < a < 1:
 then nearly all of the error is in the one interval at the corner.  There the pressure is convex; at
-a plane of symmetry or an axis, which is no corner, it is concave.  It grows with every refinement,
-and on some mesh exceeds every other one: so the corners in contact are followed beside the largest
-pressure, in 3D the largest one on the rim of the contact boundary.
+a plane of symmetry or an axis, which is no corner, it is concave.  A singular pressure grows with
+every refinement, and on some mesh exceeds every other one: so the corners in contact are followed
+beside the largest pressure, in 3D the largest one on the rim of the contact boundary.
 """
 
 from __future__ import annotations
@@ -37,8 +37,10 @@ from signorini_fx.tuned import (
 
 
 def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> list[Array]:
-    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or
-    area of a ring, one array for each path of the table, shape (rows - 1,).
+    """Return the estimated squared error of the pressure between neighbouring nodes, stress^2 times
+    length, or times area of a ring.
+
+    There is one array for each path of the table, shape (rows - 1,).
     """
     squares = []
     for path in table.paths:
@@ -60,8 +62,8 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
 
 
 def bends(table: ContactTable, path: Ints, values: Array) -> Array:
-    """Return how much the slope of nodal values changes at each row of one of ``paths``; at ends as
-    much as beside them, shape (rows of it,).
+    """Return the magnitude of the change of slope of nodal values at each row of a path, shape
+    (rows of it,); at ends that of their neighbours.
     """
     rows, s, own = table.unrolled(path)
     changes = np.abs(np.diff(np.diff(values[rows]) / np.diff(s)))
@@ -70,8 +72,8 @@ def bends(table: ContactTable, path: Ints, values: Array) -> Array:
 
 
 def _corners(table: ContactTable, rows: Ints, s: Array) -> list[tuple[int, int]]:
-    """Intervals beside corners and ends in contact towards which the pressure is convex, and their
-    other nodes.
+    """Return the intervals in contact at corners and ends towards which the pressure is convex,
+    each with the node at its other end.
     """
     pressure = np.abs(table.columns["pressure"][rows])
     last = len(rows) - 1
@@ -94,8 +96,10 @@ def _corners(table: ContactTable, rows: Ints, s: Array) -> list[tuple[int, int]]
 
 
 def growing_rows(table: ContactTable) -> Ints:
-    """Return the rows in contact at corners, ends and in 3D the rim, towards which the pressure is
-    convex, the largest one first; small pressures are left out.
+    """Return the rows in contact at corners, at ends and in 3D on the rim, towards which the
+    pressure is convex, the largest pressure first.
+
+    Small pressures are left out.
     """
     pressure = table.columns["pressure"]
     found = set[int]()
@@ -111,19 +115,21 @@ def growing_rows(table: ContactTable) -> Ints:
 
 
 def turning(x: Array, y: Array) -> Array:
-    """Angle from each interval to the next, radians, shape (nodes - 2,)."""
+    """Return the angle from each interval to the next, radians, shape (nodes - 2,)."""
     angle = np.diff(np.arctan2(np.diff(y), np.diff(x)))
     return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def polygon_error(table: ContactTable, modulus: float) -> float:
-    """Return the effect of facets in place of a curved contact boundary, relative to the contact
+    """Return the effect of straight facets on a curved contact boundary, relative to the contact
     pressure.
 
     The slope of a polygon differs from that of the curve by up to half the angle between its
     facets, and slope times modulus is a pressure.
 
-    ``modulus``: stress per strain of the plane.
+    Args:
+        table: the contact table.
+        modulus: stress per strain of the plane.
     """
     c = table.columns
     turns, _ = chords(table)
@@ -137,15 +143,17 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
 
 
 def chords(table: ContactTable, degree: int = 1) -> tuple[Array, Array]:
-    """Return angles between the facets that are pressed and their neighbours, radians, corners left
-    out, and lengths of these facets.
+    """Return the angles between pressed facets and their neighbours, radians, without corners, and
+    the lengths of these facets.
 
-    A parabola through three nodes on a circle is off it by far less than both of its chords: its
-    slope by a^3 / 4 and its points by l a^3 / 32, of chords of length l at an angle a.  So with
-    degree 2 the angles are a^3 / 4: points are off by an eighth of angle times length, as those of
-    a polygon are.
+    A parabola through three nodes on a circle differs from it by far less than its two chords: its
+    slope by a^3 / 4 and its points by l a^3 / 32, for chords of length l at an angle a.  So with
+    degree 2 the angles are a^3 / 4: points differ by an eighth of angle times length, as those of a
+    polygon do.
 
-    ``degree``: of the geometry.
+    Args:
+        table: the contact table.
+        degree: degree of the geometry.
     """
     c = table.columns
     angles = [np.zeros(0)]
@@ -172,8 +180,8 @@ def chords(table: ContactTable, degree: int = 1) -> tuple[Array, Array]:
 
 
 def beside(table: ContactTable, rows: Ints) -> list[Array]:
-    """Equal shares of 1 for the intervals beside these rows, one array for each path, shape
-    (intervals,).
+    """Return equal weights with sum 1 for the intervals at these rows, one array for each path,
+    shape (intervals,).
     """
     touching = [np.isin(path[:-1], rows) | np.isin(path[1:], rows) for path in table.paths]
     count = sum(int(np.count_nonzero(part)) for part in touching)
@@ -186,10 +194,13 @@ def pressure_square(table: ContactTable) -> float:
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Array]) -> Array:
-    """Sums over the intervals between nodes, for each facet of this rank, as in
+    """Return sums over the intervals between nodes, for each facet of this rank in the order of
     ``boundary.segments``.
 
-    ``intervals``: one array for each path of the table, shape (rows - 1,).
+    Args:
+        boundary: the contact points of this rank.
+        table: the contact table.
+        intervals: one array for each path of the table, shape (rows - 1,).
     """
     assert table.nodes is not None
     rows, following = (
@@ -221,8 +232,8 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Ar
 
 @dataclass(frozen=True)
 class _Place:
-    """A place of the boundary on the last mesh and coarser ones before it; pressure and spacing:
-    coarsest first.
+    """A place of the boundary on the last mesh and on coarser meshes; pressure and spacing are
+    listed coarsest first.
     """
 
     row: int
@@ -245,8 +256,8 @@ class _Place:
 
     @property
     def growth(self) -> Array:
-        """The powers of 1 / h with which the pressure grows from mesh to mesh; infinite where it
-        begins.
+        """The power of 1 / h with which the pressure grows from mesh to mesh; infinite where
+        contact begins.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.diff(np.log(self.pressure))
@@ -254,7 +265,7 @@ class _Place:
 
     @property
     def grows(self) -> bool:
-        """Whether the pressure grows with every refinement, on the last meshes by about the same
+        """Whether the pressure grows with every refinement, on the last meshes with about the same
         power.
         """
         # Elsewhere than at a corner a pressure may grow until the mesh resolves it.
@@ -270,7 +281,7 @@ class _Place:
 
     @property
     def settled(self) -> bool:
-        """Whether the pressure has not grown over the last meshes, or grows ever less."""
+        """Whether the pressure has not grown over the last meshes, or grows less and less."""
         powers = self.growth[-GROWING_MESHES:]
         if len(powers) < GROWING_MESHES:
             return False
@@ -280,7 +291,7 @@ class _Place:
 
     @property
     def error(self) -> float:
-        """The error of the pressure by the expected rate; infinite where no mesh was coarser."""
+        """The error of the pressure by the expected rate; infinite without a coarser mesh."""
         changes = self.pressure[-1] - self.pressure[-1 - CHANGES_USED : -1]
         finer = self.spacing[-1 - CHANGES_USED : -1] / self.spacing[-1]
         return (
@@ -291,7 +302,7 @@ class _Place:
 
     @property
     def error_by_last_changes(self) -> float:
-        """Return the error by the rate of the last two changes; 0 where there is no rate."""
+        """The error by the rate of the last two changes; 0 where there is no rate."""
         changes = np.diff(self.pressure)[-2:]
         steps = -np.diff(np.log(self.spacing))[-2:]
         if len(changes) < 2 or not changes.prod() > 0:
@@ -304,12 +315,13 @@ class _Place:
 
 
 def peak_error(tables: Sequence[ContactTable]) -> float | None:
-    """Return the relative error of the largest pressure on the last mesh; None without contact,
-    with few nodes in contact, where no mesh was coarser at the peak, and where the pressure grows
-    at some place, or may do so at a corner.
+    """Return the relative error of the largest pressure on the last mesh, or None.
+
+    It is None without contact, with few nodes in contact, if no mesh was coarser at the peak, and
+    if the pressure grows without limit at some place, or may do so at a corner.
 
     Args:
-        tables: coarsest first.
+        tables: contact tables, coarsest mesh first.
     """
     if tables[-1].touching < FEW_NODES or (len(tables) > 1 and 2 * tables[-2].touching < FEW_NODES):
         return None
@@ -326,7 +338,8 @@ def diverging_row(tables: Sequence[ContactTable]) -> int | None:
     """Return the row of the last table where the pressure grows with every refinement, or None if
     there is none.
 
-    Where the nodes in contact were few and became more, it may only not have been resolved so far.
+    Where the nodes in contact were few and became more, the pressure may simply not have been
+    resolved so far: then None is returned.
     """
     touching = [table.touching for table in tables[-1 - GROWING_MESHES :]]
     if touching[-1] == 0 or (touching[0] < touching[-1] and min(touching[-2:]) < FEW_NODES):
@@ -336,9 +349,11 @@ def diverging_row(tables: Sequence[ContactTable]) -> int | None:
 
 
 def _kinked_row(tables: Sequence[ContactTable]) -> int | None:
-    """Return the row of the largest pressure of the last table, if the gap has a kink there in 2D,
-    towards which the pressure grows like a logarithm: the change of slope stays as cells become
-    smaller, and so does what each mesh adds; None if it has none.
+    """Return the row of the largest pressure of the last table if the gap has a kink there in 2D,
+    or None.
+
+    Towards a kink the pressure grows like a logarithm: the change of slope stays as cells become
+    smaller, and so does what each mesh adds.
     """
     if len(tables) <= GROWING_MESHES or tables[-1].facets is not None:
         return None
@@ -404,7 +419,9 @@ def corner_rows(table: ContactTable) -> Ints:
 
 
 def _turns(table: ContactTable) -> Array:
-    """Return how far the boundary turns at each node in 2D, radians; infinite at its ends."""
+    """Return the angle between the two intervals at each node in 2D, radians; infinite at ends of
+    the boundary.
+    """
     x = places(table)
     turns = np.full(len(table.columns["x"]), np.inf)
     for path in table.paths:
@@ -414,8 +431,8 @@ def _turns(table: ContactTable) -> Array:
 
 
 def _spacing(table: ContactTable) -> Array:
-    """Return the length of the smaller interval beside each node; in 3D the side of the area that
-    belongs to it.
+    """Return the length of the smaller interval at each node; in 3D the side of a square of the
+    area of the node.
     """
     if table.facets is not None:
         return np.sqrt(table.columns["weight"])

@@ -55,14 +55,14 @@ class StressRecovery:
         residual: Callable[[Expr], tuple[Callable[[float], None], ufl.Form | None]],
         degree: int | None = None,
     ) -> None:
-        """Compile; None: UFL estimates it; collective.
+        """Compile the forms of the estimate; collective.
 
         Args:
-            stress: an ``ElementStress`` of a displacement of its own, or what has its displacement,
+            stress: an ``ElementStress`` with its own displacement, or an object with displacement,
                 components, parts, ``squared`` and ``refresh``.
-            residual: from a test function that is constant in each cell to what
-                ``boundary_residual`` returns.
-            degree: of an exact quadrature in the cells.
+            residual: a function from a test function that is constant in each cell to the result of
+                ``boundary_residual``.
+            degree: degree of an exact quadrature in the cells; None for the estimate of UFL.
         """
         self._stress = stress
         self._displacement = stress.displacement
@@ -108,8 +108,8 @@ class StressRecovery:
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
 
     def _projection(self) -> PETSc.KSP:
-        """Return the solver of the projection on the chosen cells, made anew to save memory;
-        collective.
+        """Return the solver of the projection on the chosen cells, made anew each time to save
+        memory; collective.
         """
         mass = fem_petsc.assemble_matrix(self._mass)
         mass.assemble()
@@ -130,7 +130,7 @@ class StressRecovery:
         return ksp
 
     def energy(self, y: fem.Function) -> float:
-        """Strain energy of the stress of a displacement; collective."""
+        """Return the strain energy of the stress of a displacement; collective."""
         self._fill(y, 0)
         self._recovered.x.array[:] = 0.0
         local_energy = 0.0
@@ -140,8 +140,8 @@ class StressRecovery:
         return parallel.total(self._comm, local_energy)
 
     def error(self, y: fem.Function, step: float = 0) -> float:
-        """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``;
-        collective.
+        """Return the energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see
+        ``squares``; collective.
         """
         return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
 
@@ -160,9 +160,10 @@ class StressRecovery:
     def products(
         self, y: fem.Function, others: Sequence[fem.Function], step: float = 0
     ) -> list[Array]:
-        """Return a(e_y, e_z) of each owned cell for the error of a displacement y and that of each
-        of others z: the squared errors of y + z and y - z differ by four times that, shape (cells,)
-        each; collective.
+        """Return a(e_y, e_z) in each owned cell, where e_y and e_z are the errors of a displacement
+        y and of each other displacement z, shape (cells,) each; collective.
+
+        The squared errors of y + z and y - z differ by four times that.
         """
         sizes = [parallel.largest(self._comm, np.abs(one.x.array)) for one in (y, *others)]
         steps = [sizes[0] / size if min(size, sizes[0]) > 0 else 1.0 for size in sizes[1:]]
@@ -195,9 +196,10 @@ class StressRecovery:
         ]
 
     def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[Indices, Array]]:
-        """Return the projected stress of a displacement in each material: the cells, local numbers,
-        ghosts included, shape (m,), and at their vertices ``ElementStress.components``, shape (m,
-        vertices, components); collective.
+        """Return the projected stress of a displacement in each material; collective.
+
+        Each entry has the local numbers of the cells, ghosts included, shape (m,), and
+        ``ElementStress.components`` at their vertices, shape (m, vertices, components).
         """
         nodes = self._recovered.function_space.dofmap.list
         return [
@@ -207,7 +209,7 @@ class StressRecovery:
 
     def _of_all_parts(self, y: fem.Function, step: float) -> list[Array]:
         """Return the projected stress of a displacement in each material, at all unknowns of the
-        projection; that of the last one is kept; collective.
+        projection; the last result is cached; collective.
         """
         self._fill(y, step)
         now = np.concatenate([one.x.array for one in fields_of(self._displacement)])
@@ -244,10 +246,12 @@ class StressRecovery:
 def boundary_residual(
     model: Model, stress: ElementStress, z: Expr
 ) -> tuple[Callable[[float], None], ufl.Form | None]:
-    """Return what moves the loads of a scene to a place, and ``squared_residual`` where the
-    traction is known: not in contact, and for prescribed displacements only in free components.  In
-    the other ones the displacement may differ between the nodes: its square, times the stiffness
-    over h.
+    """Return a function that moves the loads of a scene to a step, and the form
+    ``squared_residual`` where the traction is known.
+
+    The traction is known outside contact, and under supports only in free components.  In
+    prescribed components the displacement may differ from the prescribed one between the nodes: the
+    square of the difference, times the stiffness over h, is added.
     """
     statement = model.statement
     mesh = model.tagged.mesh
@@ -306,8 +310,8 @@ def _free(effect: Displacement, vector: Expr, on: FormCoefficients) -> Expr:
 
 
 def _away(effect: Displacement, y: Expr, factor: Expr, on: FormCoefficients) -> list[Expr]:
-    """Return the difference of the displacement from prescribed expressions between the nodes,
-    lengths, UFL.
+    """Return the differences between prescribed expressions and the displacement, which appear
+    between the nodes, lengths, UFL.
     """
     pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, on.normal))]
     given = [
@@ -325,13 +329,17 @@ def squared_residual(
     of: Callable[[Ints, Expr], tuple[Expr, list[Expr], bool]],
     z: Expr,
 ) -> ufl.Form | None:
-    """Return the form of the squared residual of the traction, times h over the stiffness, of each
-    cell, on ``facets``, where it is known; None if there are none; collective.
+    """Return the form of the squared residual of the traction, times h over the stiffness, for each
+    cell; None without terms; collective.
 
-    ``on``: what acts on each of them, shape (facets, k).
-    ``of``: (which of the k act, minus the traction of the stress) -> what is left of it, distances
-        from what is prescribed, and whether any of these varies within a facet.
-    ``z``: test function, constant in each cell.
+    Args:
+        stress: the stress.
+        facets: the facets where the traction is known.
+        on: which of k effects act on each facet, shape (facets, k).
+        of: a function from the numbers of the acting effects, and minus the traction of the stress,
+            to the residual traction, the differences from prescribed displacements, and whether any
+            of these varies within a facet.
+        z: test function, constant in each cell.
     """
     space = stress.displacement.function_space
     mesh = space.mesh
@@ -363,9 +371,7 @@ def squared_residual(
 
 
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
-    """Return the stress of a scene with the initial strains of a place in the lists of factors;
-    collective.
-    """
+    """Return the stress of a scene with the initial strains of a step; collective."""
     initial, jump, move = given_strains(body.statement, body.tagged, body.space)
     of_law = body.scene_law.stress(
         displacement, displacement if jump is None else displacement + jump, initial

@@ -1,7 +1,7 @@
-"""The certificate: forces, gaps, slips and conditions of a result, evaluated anew from what is
-stated of the problem.
+"""The certificate: an independent check of a result.
 
-It finds wrong states; wrong forms are for the oracle and the tests.  It must not import what has
+Forces, gaps, slips and all conditions are evaluated anew from the statement of the problem.  It
+finds wrong states; wrong forms are found by the oracle and the tests.  It must not import what has
 solved the problem: neither algorithms, nor regularised problems, nor linear algebra.
 """
 

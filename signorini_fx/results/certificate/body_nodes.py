@@ -1,4 +1,6 @@
-"""The nodes of a body, its pieces, and what supports prescribe, evaluated anew for certificates."""
+"""The nodes of a body, its connected pieces, and the prescribed displacements, evaluated anew for
+the certificate.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +22,20 @@ if TYPE_CHECKING:
 
 
 class RigidPart:
-    """The pieces of a mesh and their nearest rigid motions; pieces that can touch move
-    independently of each other.
+    """The connected pieces of a mesh and the rigid motions that fit displacements of their nodes
+    best.
+
+    Pieces that can touch move independently of each other.  The constructor is collective.
 
     Args:
-        space: of the displacement; collective.
+        space: the space of the displacement.
 
     Attributes:
-        space: see there.
+        space: the space of the displacement.
         x: positions of the owned nodes, length, shape (owned nodes, d).
         count: number of pieces.
         piece: number of the piece that each owned node is in.
-        size: diameters, length, shape (pieces,).
+        size: diameters of the pieces, length, shape (pieces,).
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
@@ -56,11 +60,11 @@ class RigidPart:
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
     def largest_beside(self, y: Array) -> Array:
-        """Return the largest displacement of a node of each piece beside its nearest rigid motion,
-        shape (pieces,); collective.
+        """Return the largest nodal displacement of each piece after its best-fitting small rigid
+        motion is subtracted, length, shape (pieces,).  Collective.
 
         Args:
-            y: of the owned nodes, length, shape (owned nodes, d).
+            y: displacements of the owned nodes, length, shape (owned nodes, d).
         """
         motion = self._without_mean(y)
         moment = self.sums(rmatvec(self._turned, motion))
@@ -70,10 +74,13 @@ class RigidPart:
         )
 
     def largest(self, values: Array, piece: Ints | None = None) -> Array:
-        """Return the largest of values of each piece, not below zero, inf where one is nan, shape
-        (pieces,); None if values are those of the owned nodes; collective.
+        """Return the largest value of each piece, at least 0, and inf where a value is nan, shape
+        (pieces,).  Collective.
 
-        ``piece``: which piece each belongs to, -1: to none.
+        Args:
+            values: one value for each entry of ``piece``, on this rank.
+            piece: the piece that each value belongs to, -1 for none; None for values of the owned
+                nodes.
         """
         piece = self.piece if piece is None else piece
         local_largest = np.zeros(self.count)
@@ -84,8 +91,12 @@ class RigidPart:
         )
 
     def norms(self, vectors: Array, piece: Ints | None = None) -> Array:
-        """Return the norms of vectors at the owned nodes of each piece, or at others, shape
-        (pieces,); collective.
+        """Return the Euclidean norm of all vectors of each piece together, shape (pieces,).
+        Collective.
+
+        Args:
+            vectors: numbers or vectors, shape (n,) or (n, d).
+            piece: the piece that each one belongs to; None for those of the owned nodes.
         """
         rows = vectors[:, None] if vectors.ndim == 1 else vectors
         squares = inner(rows, rows)[:, None]
@@ -97,8 +108,8 @@ class RigidPart:
         return values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece]
 
     def sums(self, values: Array) -> Array:
-        """Sums over the owned nodes of each piece, shape (owned nodes, ...) to (pieces, ...);
-        collective.
+        """Return the sums over the owned nodes of each piece, from shape (owned nodes, m) to
+        (pieces, m).  Collective.
         """
         return parallel.sums_by(self._comm, self.piece, values, self.count)
 
@@ -114,25 +125,30 @@ class PrescribedNodes:
     turned: TurnedNodes | None = None
 
     def missed(self, y: Array) -> Array:
-        """Return how far displacements of the owned nodes are from what is prescribed, length, as a
-        list.
+        """Return the differences between displacements of the owned nodes and the prescribed ones,
+        one for each prescribed component, length, as a flat array.
         """
         return np.abs(self._in_frames(y - self.value)[self.fixed])
 
     def among(self, of_node: Ints) -> Ints:
-        """Return numbers that the owned nodes have, in the order of ``missed``."""
+        """Return the number of the node of each entry of ``missed``, from a number for each owned
+        node, such as that of its piece.
+        """
         return np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed]
 
     def left(self, vectors: Array) -> Array:
-        """Return vectors at the owned nodes without the directions that are prescribed, shape
-        (owned nodes, d).
+        """Return vectors at the owned nodes without their prescribed components, shape (owned
+        nodes, d).
         """
         free = np.where(self.fixed, 0.0, self._in_frames(vectors))
         return free if self._frames is None else matvec(self._frames, free)
 
     def taken(self, forces: Array, position: int) -> Array:
         """Return the part of nodal forces that one entry of ``scene.displacement`` takes, shape
-        (owned nodes, d): forces that do the work of all on a displacement that it alone prescribes.
+        (owned nodes, d).
+
+        This part does the same work as all forces on any displacement that this entry alone
+        prescribes.
         """
         taken = np.where(self.by == position, forces, 0.0)
         if self.turned is None:
@@ -149,11 +165,11 @@ class PrescribedNodes:
 
     @cached_property
     def _frames(self) -> Array | None:
-        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d); None:
-        the axes.
+        """The frames of the owned nodes in which ``fixed`` is stated, shape (owned nodes, d, d);
+        None if they are the axes.
         """
         return None if self.turned is None else self.turned.frames_at(np.arange(len(self.fixed)))
 
     def _in_frames(self, vectors: Array) -> Array:
-        """Return components of vectors at the owned nodes in these frames."""
+        """Return the components of vectors at the owned nodes in ``_frames``."""
         return vectors if self._frames is None else rmatvec(self._frames, vectors)

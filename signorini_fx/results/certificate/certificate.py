@@ -43,48 +43,52 @@ if TYPE_CHECKING:
 class Certificate:
     """How far a result is from the conditions of its problem; every figure is relative.
 
-    Each connected piece of the mesh has scales of its own: forces are relative to those of loads,
-    contact and springs on it where it is free, stresses to the largest pressure or shear without
-    what supports take of them, lengths to the
-    deformation: the largest displacement without the rigid part (of penetration, complementarity
-    and slip at stick
-    nodes: to the largest displacement).  Between two pieces the smaller stress counts, and the
-    larger length.
+    Each connected piece of the mesh has its own scales:
+
+    - forces are relative to those of loads, contact and springs on it where it is free;
+    - stresses are relative to the largest pressure or shear, without the part that supports take;
+    - lengths are relative to the deformation, which is the largest displacement without its rigid
+      part;
+    - penetration, complementarity and slip at stick nodes are relative to the largest displacement.
+
+    Between two pieces the smaller stress and the larger length count.
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst
-            contact node as a stress; with a pressure also that of the change of volume, relative to
-            the mean strain.
+            contact node as a stress; where the pressure is an unknown also that of the change of
+            volume, relative to the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of
             symmetry of two bodies.
         wrong_way_slip: slip against mu, in 3D also perpendicular to it, excluded by (2.3e'): the
             smaller of the slip and the part of the shear that does not point along it.
-        entered: largest tau_N y - d beyond what the law allows for; of points that can move along
-            their normal.
-        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance; the
-            pressure of a point that cannot move along its normal, where supports take it.
+        entered: largest tau_N y - d beyond what the law allows, of points that can move along their
+            normal.
+        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance; at a
+            point that cannot move along its normal, where supports take the force, the pressure.
         slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of
             the shear from its bound.
-        coupling: largest error of the map that joins pairs of bodies, in its identities.
+        coupling: largest error in the identities of the map that couples two bodies, see
+            ``PairPoints``.
         displacement: largest displacement, relative to the size of the body.
-        penetration: largest tau_N y - d; lambda / gamma by the regularisation.
+        penetration: largest tau_N y - d; it is lambda / gamma with the regularised law.
         complementarity: largest |lambda (tau_N y - d)|.
-        stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the
-            regularisation.
+        stick_slip: largest slip where the shear is below its bound; it is |mu| / gamma with the
+            regularised law.
         law: the contact law that was used for the check.
-        strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without
-            initial ones; None where forces are not linear in y.
-        unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which
-            nothing is known.
+        strain_energy: a(y, y) / 2 of the strains without initial ones, an energy per thickness;
+            None where forces are not linear in y.
+        unjudged: pieces of the mesh whose loads are round-off of the largest forces, so that their
+            equilibrium cannot be checked.
         lost: the residual of equilibrium that round-off of the forces may hide, see
             ``equilibrium``.
-        placed: round-off of places X + u, at which contact is met, relative to the largest
+        placed: round-off of positions X + u, at which contact is evaluated, relative to the largest
             displacement.
-        checked: the share of its own stress, be it that of its tractions or the mean one, to which
-            the tractions of each piece are checked: more than the tolerance where gamma, which a
-            stiffer piece sets, or the joint system leaves larger errors of the softest one.
+        checked: the tolerance to which the tractions of each piece are checked, relative to its own
+            stress (that of its tractions or the mean one): more than the usual tolerance where
+            gamma, which a stiffer piece determines, or the joint system leaves larger errors in the
+            softest piece.
     """
 
     equilibrium: float = 0.0
@@ -118,12 +122,14 @@ class Certificate:
 
     @property
     def worst_name(self) -> str:
-        """Which of them it is."""
+        """The name of the largest judged figure; nan counts as the largest."""
         return max(JUDGED, key=lambda name: np.nan_to_num(getattr(self, name), nan=np.inf))
 
     @property
     def holds(self) -> bool:
-        """Whether the result is a solution of the law that its method promises."""
+        """Whether the result is a solution of the law that its method promises: all judged figures
+        are within the tolerance.
+        """
         return self.worst <= CERTIFICATE_TOLERANCE
 
     def as_dict(self) -> dict[str, float | bool | str]:
@@ -133,8 +139,12 @@ class Certificate:
 
 
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
-    """Return the forces on a body without contact at a place in the lists of factors;
-    collective.
+    """Return the forces on a body without contact.  Collective.
+
+    Args:
+        forces: the forces of the scene.
+        displacement: y.
+        step: position in the lists of load factors.
     """
     statement = forces.statement
     tagged = forces.tagged
@@ -170,18 +180,18 @@ def judged(
     before: PreviousStep | None = None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check the conditions of a load step from the displacement and the contact tractions alone;
-    collective.
+    """Check the conditions of a load step from the displacement and the contact tractions alone.
+    Collective.
 
     Args:
         displacement: y.
         balance: the forces on the body without contact.
-        contact: the contact points and what holds there; None: there is no contact.
-        tractions: pressure and shear at them.
+        contact: the contact points and their conditions; None without contact.
+        tractions: pressure and shear at the contact points; None without contact.
         law: the contact law that the method promises.
-        before: the end of the previous load step; None for the first one.  If that kept to the
+        before: the end of the previous load step; None for the first step.  If that step used the
             regularised law and this one does not, its elastic slip is removed.
-        rigid: how rigid bodies have moved, and what drives them.
+        rigid: the motion of each rigid body, and the force, moment or motion that drives it.
     """
     supports = balance.supports
     pieces = balance.pieces
@@ -195,7 +205,7 @@ def judged(
         half, strain_energy if balance.dilation is not None else 0.0
     )  # or its pressure takes of it
     scales, stiffest = balance.of_pieces()
-    # Of the initial strains it is not known which piece they strain.
+    # It is not known which piece the initial strains strain.
     halves = (
         works[:, 0] / 2
         if balance.dilation is None or strain_energy == half
@@ -204,7 +214,7 @@ def judged(
     mean = scales.stress(np.maximum(halves, 0.0) + balance.energies)
     if (
         balance.with_loads
-    ):  # then their work tells of no stress without contact: what supports feel does
+    ):  # their work gives no stress without contact, the reactions of supports do
         held = np.linalg.norm(balance.internal - supports.left(balance.internal), axis=1)
         mean = np.maximum(mean, pieces.sums(held[:, None])[:, 0] / scales.surface)
     far = pieces.largest(np.linalg.norm(y, axis=1))
@@ -239,7 +249,7 @@ def judged(
     length = np.maximum(length, NO_FORCE * largest(drawn))
     reach = max(float(far.max()), float(largest(drawn).max()))
     alone = balance.unloaded
-    # Where the contact transmits nothing its reactions are round-off of the stress in the body, and
+    # Where the contact transmits nothing, its tractions are round-off of the stress in the body and
     # of displacements.
     fineness = largest(np.asarray(1.0 / balance.scales.side(contact.boundary.weight)))
     unknown = stiffest.modulus * np.where(alone, reach, far) * fineness
@@ -268,9 +278,8 @@ def judged(
         # Foundations may have turned since: what was along them then need not be along them now.
         slip = nodes.along(slip)
         origin = nodes.along(origin)
-    # Most of the displacement that a relative one is the difference of may be common to two bodies,
-    # or to a body and a rigid one that moves, and the solver loses digits of the largest one of
-    # both.
+    # A relative displacement is a difference: most of it may be common to two bodies, or to a body
+    # and a moving rigid one, and the solver loses digits of the larger of both.
     farther = np.where(at[1] < 0, drawn, np.maximum(far[at[0]], far[at[1]]))
     terms = NO_FORCE * np.maximum(
         largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0)
@@ -278,14 +287,14 @@ def judged(
     penalty = terms * max(
         (gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0
     )
-    # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the
-    # method's round-off.
+    # With a larger gamma nothing is known of the tractions.  In a body without stress they are
+    # round-off of the method.
     strains = mean > LOST_UNITS * NO_FORCE * stiffest.modulus * reach / stiffest.size
     penalty = np.where(
         strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty)
     )
-    # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of
-    # a body at rest, too.
+    # Where contact is evaluated at X + u, distances have the round-off of X, however small u is;
+    # gaps of a body at rest, too.
     farthest = max(
         parallel.largest(comm, np.linalg.norm(pieces.x, axis=1), 0.0), float(np.max(scales.size))
     )
@@ -337,11 +346,18 @@ def contact_conditions(
     law: Law,
     units: PieceScales,
 ) -> dict[str, float]:
-    """Return how far contact points are from the law, the figures of ``Certificate`` by name;
-    collective.
+    """Return how far contact points are from the contact law, as figures of ``Certificate`` by
+    name.  Collective.
 
-    ``slip``: what tau_T y adds to the previous step, and ``origin``: shear at its end, both
-        ``ContactNodes.rounded``, shape (n, d).
+    Args:
+        nodes: the contact points with tractions, without those of a bond.
+        u_n: tau_N y, length, shape (n,).
+        slip: tangential slip since the previous step, see ``ContactNodes.rounded``, length, shape
+            (n, d).
+        origin: shear at the end of the previous step, see ``ContactNodes.rounded``, stress, shape
+            (n, d).
+        law: the contact law.
+        units: the scales of each point.
     """
     pressure = nodes.pressure
     shear = nodes.rounded(nodes.shear, -1)
@@ -399,7 +415,9 @@ def contact_conditions(
 
 
 def _smaller(a: Array, unit_a: Array, b: Array, unit_b: Array) -> Array:
-    """min(|a|, max(b, 0)), each in its own unit: zero where one of two conditions holds."""
+    """Return min(|a|, max(b, 0)), each divided by its own unit: zero where one of the two
+    conditions holds.
+    """
     first, second = (np.where(unit > 0, unit, 1.0) for unit in (unit_a, unit_b))
     return np.minimum(np.abs(a) / first, np.maximum(b, 0.0) / second)
 
@@ -411,12 +429,15 @@ def another_law(
     *,
     raises_gamma: bool = False,
 ) -> Finding | None:
-    """Return a warning where the law of the load steps, by their numbers, is not the one that
-    settings ask for.
+    """Return a warning if a load step was solved with another contact law than the settings
+    request, or None.
 
-    ``left``: the regularisation error of the last one relative to its energy norm, where a path in
-        gamma has found it.
-    ``raises_gamma``: whether an accuracy is asked for, which raises gamma as it needs to.
+    Args:
+        settings: the settings of the solver.
+        laws: the law of each load step, by its number.
+        left: the regularisation error of the last step relative to its energy norm, where
+            path-following has estimated it; otherwise None.
+        raises_gamma: whether an accuracy is requested, for which gamma is raised as needed.
     """
     exact = settings.algorithm == "alm"
     if raises_gamma and not exact:

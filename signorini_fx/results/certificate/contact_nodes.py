@@ -1,5 +1,5 @@
-"""The contact points as the certificate sees them: where a result meets its foundations, with
-claimed tractions.
+"""The contact points of the certificate: their positions, gaps and conditions at a displacement,
+with the tractions of a result.
 """
 
 from __future__ import annotations
@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ContactConditions:
-    """The n contact points of this rank where a displacement has taken them, and what holds
-    there.
-    """
+    """The n contact points of this rank at a displacement, and the conditions that hold there."""
 
     boundary: ContactBoundary
     gap: Array  # d, length, shape (n,)
@@ -41,24 +39,26 @@ class ContactConditions:
     bond: Bond | None  # as the step begins; None: there is none
 
     def part(self, *numbers: int) -> Ints:
-        """Return the points of some contacts."""
+        """Return the points of the contacts with these numbers."""
         return np.flatnonzero(np.isin(self.boundary.part, numbers))
 
     @cached_property
     def of_pairs(self) -> list[tuple[PairPoints, Ints]]:
-        """The pairs, and which points are theirs."""
+        """The pairs of bodies, each with the indices of its points."""
         return [(pair, self.part(number)) for number, pair in self.pairs.items()]
 
     @cached_property
     def paired(self) -> Flags:
-        """Which points are those of pairs, shape (n,)."""
+        """Which points belong to pairs of bodies, shape (n,)."""
         return np.isin(self.boundary.part, list(self.pairs))
 
 
 @dataclass(frozen=True)
 class ContactNodes(ContactConditions):
-    """The contact points of this rank with the tractions at them; displacements are those of owned
-    nodes, shape (owned nodes, d); methods are collective.
+    """The contact points of this rank with the tractions at them.
+
+    Displacements ``y`` are those of the owned nodes, length, shape (owned nodes, d).  Methods are
+    collective.
     """
 
     pressure: Array  # stress, shape (n,)
@@ -72,8 +72,10 @@ class ContactNodes(ContactConditions):
         return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
     def bound(self, slip: Array) -> Array:
-        """Return the largest shear that friction allows for at lengths of slip, both of shape (n,);
-        stress.
+        """Return the largest shear that friction allows at each point, stress, shape (n,).
+
+        Args:
+            slip: magnitude of the slip, length, shape (n,).
         """
         if self.law is None:
             return np.zeros_like(self.pressure)
@@ -81,8 +83,12 @@ class ContactNodes(ContactConditions):
         return bound if self.broken is None else self.broken * bound
 
     def without_bond(self, u_n: Array, slip: Array) -> ContactNodes:
-        """Return the points with the tractions of contact and friction alone, at tau_N y and a slip
-        of the step, lengths, shapes (n,) and (n, d).
+        """Return the points with the tractions of contact and friction alone, without those of a
+        bond.
+
+        Args:
+            u_n: tau_N y, length, shape (n,).
+            slip: tangential slip of the step, length, shape (n, d).
         """
         if self.bond is None:
             return self
@@ -96,9 +102,11 @@ class ContactNodes(ContactConditions):
         )
 
     def rounded(self, vectors: Array, power: int) -> Array:
-        """Tangential vectors with their part across the direction of friction times r^power: with
-        -1 admissible shears fill a disc, and with 1 slips that are normal to the ellipse are normal
-        to that.
+        """Return tangential vectors with their part across the direction of friction times r^power,
+        where r is the ratio of the axes of orthotropic friction.
+
+        With -1 admissible shears fill a disc; with 1 slips that are normal to the ellipse become
+        normal to the disc.
         """
         axes = self.boundary.friction_axes
         if axes is None:
@@ -108,7 +116,7 @@ class ContactNodes(ContactConditions):
         return vectors + part[:, None] * across
 
     def along(self, vectors: Array) -> Array:
-        """Return the part of vectors at the points that is tangential, shape (n, d)."""
+        """Return the tangential part of vectors at the points, shape (n, d)."""
         return (
             vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal
         )
@@ -119,7 +127,9 @@ class ContactNodes(ContactConditions):
         return self.pressure[:, None] * self.boundary.normal + self.shear
 
     def traces(self, y: Array, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Array, Array]:
-        """(tau_N y, tau_T y), shapes (n,) and (n, d), relative to rigid bodies that have moved."""
+        """Return (tau_N y, tau_T y), shapes (n,) and (n, d), relative to rigid bodies that have
+        moved.
+        """
         averages = self.boundary.averages
         values = from_owners(y, averages.nodes, self.boundary.comm)
         relative = (averages.operator @ values.ravel()).reshape(self.boundary.normal.shape)
@@ -133,13 +143,13 @@ class ContactNodes(ContactConditions):
 
     @property
     def _x(self) -> Array:
-        """Positions of the points on one body, length, shape (n, d)."""
+        """Positions of the points, in pairs those on one of the bodies, length, shape (n, d)."""
         averages = self.boundary.averages
         return np.where(self.paired[:, None], self.boundary.x, averages.shares @ averages.x)
 
     def pieces(self, of_node: Ints) -> tuple[Ints, Ints]:
-        """Return the piece of the body at each point, and that on the other side, -1 where the
-        foundation is rigid, shape (n,).
+        """Return the piece of the body at each point, and the piece on the other side, -1 where the
+        foundation is rigid, both of shape (n,).
 
         Args:
             of_node: the piece that each owned node is in.
@@ -150,8 +160,10 @@ class ContactNodes(ContactConditions):
         return of_node[self.boundary.nodes], opposite
 
     def resultant(self, motion: RigidBodyMotion, y: Array) -> tuple[Array, float, float]:
-        """Return the resultant of the contact tractions on a rigid body: force and moment about its
-        pivot, shape (m,), the sum of the magnitudes of forces, and their distance from the pivot.
+        """Return the resultant of the contact tractions on a rigid body.
+
+        These are force and moment about its pivot, shape (m,), the sum of the magnitudes of the
+        nodal forces, and their largest distance from the pivot.
         """
         part = self.part(*motion.body.parts)
         averages = self.boundary.averages
@@ -169,8 +181,9 @@ class ContactNodes(ContactConditions):
         return total[:-1], float(total[-1]), reach
 
     def terms(self, y: Array) -> Array:
-        """Return the sums of the magnitudes of what relative displacements of two bodies are added
-        up of, 0 on a rigid foundation, shape (n,).
+        """Return the sums of the magnitudes of the terms that the relative displacement of two
+        bodies is summed from, length, shape (n,); 0 on a rigid foundation.  Their round-off limits
+        the accuracy of the relative displacement.
         """
         averages = self.boundary.averages
         if not self.pairs:
@@ -184,9 +197,12 @@ class ContactNodes(ContactConditions):
         )
 
     def forces(self, owned: int, *parts: int) -> tuple[Ints, Array, Array]:
-        """Return what the tractions do to so many owned nodes, or those of some contacts: the local
-        nodes that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape
-        (m,).
+        """Return the nodal forces of the tractions: the local nodes that they act on, shape (m,),
+        the forces on them, shape (m, d), and the areas of these nodes, shape (m,).
+
+        Args:
+            owned: number of owned nodes.
+            parts: numbers of the contacts that count; all without any.
         """
         boundary = self.boundary
         averages = self.boundary.averages
@@ -212,8 +228,8 @@ class ContactNodes(ContactConditions):
 
     @property
     def felt(self) -> Array:
-        """The larger of pressure and shear without what supports take of them, or what one undoes
-        of the other.
+        """The larger of pressure and shear at each point, without what supports take and without
+        what the two cancel of each other, stress, shape (n,).
         """
         free = self.boundary.free
         axes = self.boundary.axes

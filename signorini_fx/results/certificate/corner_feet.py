@@ -1,5 +1,7 @@
-"""The contact points at corners of foundations as a certificate sees them: feet by the roots of
-polynomials on all facets, and which nodes lose their points, without the search of the solver.
+"""Contact points at corners of foundations, found anew for the certificate.
+
+The foot of a corner is its nearest point of the boundary.  Here it is found by roots of polynomials
+on all facets, without the search of the solver, as are the nodes that have no contact point.
 """
 
 from __future__ import annotations
@@ -26,11 +28,16 @@ def judged_corners(
     shapes: Sequence[PlacedShape],
     displacement: Array | None = None,
 ) -> tuple[ContactBoundary, Array]:
-    """Return contact points and their gaps, length, shape (n,), with the rows of corners and the
-    nodes without points as they are by the rules; None: none; collective.
+    """Return the contact points and their gaps, length, shape (n,), with the points at corners and
+    the nodes without points found anew.  Without corners both are returned as they are.
+    Collective.
 
-    ``displacement``: of the nodes of this rank at which corners see the body, length, shape (nodes,
-        d).
+    Args:
+        boundary: the contact points of the solver.
+        gap: their gaps, length, shape (n,).
+        shapes: the foundations.
+        displacement: displacement of the nodes of this rank at which corners meet the body, length,
+            shape (nodes, d); None for none.
     """
     known = boundary.corners
     if known is None:
@@ -110,7 +117,7 @@ def judged_corners(
 
 
 def feet_of(line: BoundaryLine, corners: Corners) -> CornerFeet:
-    """Return the feet of corners on a line, by brute force."""
+    """Return the feet of corners on a boundary line: all facets near the nearest node are tried."""
     found = []
     for c in corners.places:
         to_nodes = np.linalg.norm(line.x - c, axis=2).min(axis=1)
@@ -138,8 +145,10 @@ def feet_of(line: BoundaryLine, corners: Corners) -> CornerFeet:
 def _points(
     line: BoundaryLine, c: Array, facet: int, xi: float
 ) -> tuple[list[int], list[float], list[bool], list[int], list[int]]:
-    """Return facets, places and flags of the two points of a corner, and the nodes beside its foot
-    and on it.
+    """Return the two points of a corner, and the nodes of the facet of its foot and those on the
+    foot.
+
+    The points are three lists of two: facets, places along them, and whether the point is unused.
     """
     end = round(np.clip(xi, 0.0, 1.0))
     vertex = line.nodes[facet, -end]
@@ -174,7 +183,9 @@ def _points(
 
 
 def _stationary(line: BoundaryLine, facet: int, c: Array) -> Array:
-    """Return the places of stationary distances from c along a facet and beyond it."""
+    """Return the places along a facet, and beyond its ends, where the distance from c is
+    stationary.
+    """
     x = line.x[facet]
     basis = np.linalg.inv(np.vander(np.linspace(0.0, 1.0, len(x)), increasing=True))
     curve = (basis @ x).T
@@ -188,7 +199,7 @@ def _stationary(line: BoundaryLine, facet: int, c: Array) -> Array:
 
 
 def _on_tangent(line: BoundaryLine, facet: int, c: Array, at: float) -> float:
-    """Return a place along a facet, if it is an end that under c on the tangent there."""
+    """Return a place along a facet; at an end, the projection of c onto the tangent there."""
     if 0.0 < at < 1.0:
         return at
     _, x, along = line.place(facet, at)
@@ -201,7 +212,14 @@ def _away(line: BoundaryLine, facet: int, c: Array, at: Array) -> Array:
 
 
 def _left_out(line: BoundaryLine, feet: CornerFeet, nodes: Ints, direction: Array) -> Flags:
-    """Return which nodes lose their points, whose direction of contact is given."""
+    """Return which nodes lose their contact points to corners, shape (nodes,).
+
+    Args:
+        line: the boundary line.
+        feet: the feet of the corners on it.
+        nodes: global numbers of the nodes.
+        direction: their directions of contact, shape (nodes, 2).
+    """
     cosine = np.full(len(nodes), -np.inf)
     for j in range(line.nodes.shape[1]):
         xi = j / (line.nodes.shape[1] - 1)

@@ -1,5 +1,5 @@
-"""Equilibrium as a certificate sees it: forces that it has evaluated anew, and the residual of each
-piece of a body.
+"""Equilibrium in the certificate: the forces on a body, evaluated anew, and their residual on each
+piece.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class Balance:
-    """The forces on a body without contact, evaluated anew, of shape (owned nodes, d), and their
+    """The forces on a body without contact, evaluated anew, shape (owned nodes, d), and their
     scales.
     """
 
@@ -67,7 +67,7 @@ class Balance:
         )
 
     def residual(self, pressed: Array | float = 0.0) -> Array:
-        """Return forces that are not in balance, those that supports take among them, shape (owned
+        """Return the forces that are not in balance, reactions of supports included, shape (owned
         nodes, d).
 
         Args:
@@ -78,20 +78,23 @@ class Balance:
 
     @cached_property
     def energies(self) -> Array:
-        """Energies of effects in time, shape (pieces,)."""
+        """Energies that effects in time add, shape (pieces,)."""
         if self.added is None:
             return np.zeros(self.pieces.count)
         return self.pieces.sums(self.added.energy[:, None])[:, 0]
 
     def works(self, y: Array) -> Array:
-        """Return what internal and initial forces do on displacements of the owned nodes, energies,
-        shape (pieces, 2).
+        """Return the work of internal and of initial forces on displacements of the owned nodes,
+        energies, shape (pieces, 2).
         """
         return self.pieces.sums(np.stack((self.internal * y, self.initial * y), axis=1).sum(axis=2))
 
     def strain_energy(self, works: Array) -> float:
-        """Return the energy of the stress from ``works``: of the strains, and what initial ones
-        take of it, but round-off.
+        """Return the strain energy of the stress, initial strains included, and 0 where it is
+        round-off.
+
+        Args:
+            works: the result of ``works``.
         """
         internal, expanding = map(float, works.sum(axis=0))
         prevented = self.prevented - expanding
@@ -101,35 +104,37 @@ class Balance:
         )
 
     def of_pieces(self) -> tuple[Scales[Array], Scales[Array]]:
-        """``scales`` and ``stiffest`` of all pieces."""
+        """Return ``scales`` and ``stiffest`` of each piece."""
         size = self.pieces.size if self.pieces.count > 1 else np.array([self.scales.size])
         return self.scales.of_pieces(size), self.stiffest.of_pieces(size)
 
     @cached_property
     def imposed(self) -> Flags:
-        """Which pieces a support moves, shape (pieces,)."""
+        """Which pieces have a support with a displacement that is not zero, shape (pieces,)."""
         missed = self.supports.missed(np.zeros_like(self.external))
         moved = self.pieces.largest(missed, self.supports.among(self.pieces.piece))
         return moved > 0
 
     @cached_property
     def unloaded(self) -> Flags:
-        """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no
-        force to them, all that is there is round-off of the joint system, as large as the motions
-        of others make it.
+        """Which pieces have neither loads, initial strains nor moving supports, shape (pieces,).
+
+        If no other piece transmits a force to them, their forces are round-off of the joint system,
+        in proportion to the motions of the others.
         """
         loads = np.abs(self.external) + np.abs(self.initial)
         return (self.pieces.norms(loads) == 0) & ~self.imposed & (self.energies == 0)
 
 
 class PieceScales(NamedTuple):
-    """What figures are divided by, for each piece or each point.
+    """The scales that figures are divided by, for each piece or each point.
 
     Attributes:
         length: of the deformation.
         far: of the displacement.
-        stress: of the tractions, at least ``penalty``, of which round-off is a share where two
-            bodies meet by the regularised law.
+        stress: of the tractions, at least ``penalty``.
+        penalty: the stress whose round-off tractions have where two bodies meet by the regularised
+            law.
     """
 
     length: Array
@@ -138,9 +143,14 @@ class PieceScales(NamedTuple):
     penalty: Array
 
     def between(self, piece: Ints, other: Ints) -> PieceScales:
-        """Return the scales of points on a piece and another one, -1: on a rigid foundation, from
-        those of pieces; the smaller stress of both: forces that press the other one elsewhere say
-        nothing of this contact.
+        """Return the scales of points from those of pieces.
+
+        The smaller stress of both pieces counts: forces that press the other piece elsewhere are
+        not forces of this contact.
+
+        Args:
+            piece: the piece at each point.
+            other: the piece on the other side, -1 for a rigid foundation.
         """
         rigid = other < 0
         length, far, _, penalty = (
@@ -153,26 +163,29 @@ class PieceScales(NamedTuple):
 def equilibrium(
     balance: Balance, y: Array, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> tuple[float, tuple[int, ...], float]:
-    """Return the residual of (3.3a) in the free unknowns, of each piece and of the worst contact
-    node as a stress; pieces of which it says nothing, as all forces on them are round-off of the
-    joint system; and the residual that round-off of the evaluation may hide, relative to the forces
-    on a piece, or, where displacements alone act, to those within; collective.
+    """Return the relative residual of equilibrium, pieces that cannot be checked, and the residual
+    that round-off may hide.  Collective.
+
+    The residual is that of (3.3a) in the free unknowns, of each piece and of the worst contact node
+    as a stress.  A piece cannot be checked if all forces on it are round-off of the joint system.
+    What round-off of the evaluation may hide is relative to the forces on a piece, or, where
+    displacements alone act, to the internal forces.
 
     Forces are relative to those of loads, contact and springs on the piece where it is free.  On
     slender bodies the reactions of supports, and so a(y, .), may be far larger: a share of them is
-    a lower bound, for what round-off leaves.
+    a lower bound, because of round-off.
 
     Four floors keep round-off from counting as a residual where hardly any force acts: ``least``,
     from the displacement and the stiffness of an element; ``slight``, from all forces, what
     supports take included; ``joint``, from the largest force on any piece, as all are solved in one
-    system; and ``missing``, from the digits that the sums themselves lose, and coordinates of the
-    nodes over their distances.
+    system; and ``missing``, from the digits that the sums themselves lose, and from the round-off
+    of coordinates over the distances of nodes.
 
     Args:
         balance: forces on the body without contact.
         y: displacements of the owned nodes, shape (owned nodes, d).
-        nodes: the contact points with the tractions at them; None: there are none.
-        units: of each piece.
+        nodes: the contact points with the tractions at them; None without contact.
+        units: scales of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
     """
     supports = balance.supports
@@ -261,11 +274,16 @@ def equilibrium(
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
-    """Return how far the volume changes otherwise than a pressure that is an unknown says, relative
-    to the mean strain, or to what loads may cause (in an enclosed body a pressure, and no strain);
-    collective.
+    """Return the relative error of the change of volume where the pressure is an unknown, and 0
+    otherwise.  Collective.
 
-    ``far``: largest displacement.
+    It is relative to the mean strain, or to the strain that loads may cause (in an enclosed body
+    they cause a pressure and no strain).
+
+    Args:
+        balance: the forces on the body; its ``dilation`` is the residual.
+        far: largest displacement, length.
+        strain_energy: the strain energy.
     """
     if balance.dilation is None:
         return 0.0
@@ -288,8 +306,10 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
 
 
 def share(comm: MPI.Comm, parts: Array, wholes: Array) -> float:
-    """Return the largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and
-    else inf for a whole <= 0: a residual where no force acts is never small; collective.
+    """Return the largest ratio of parts to wholes on all ranks.  Collective.
+
+    It is 0 for a part <= 0, also of nothing, and otherwise inf for a whole <= 0: a residual where
+    no force acts is never small.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(parts <= 0, 0.0, parts / wholes)

@@ -1,6 +1,4 @@
-"""What a result claims: its contact law, its contact tractions, and the previous load step that it
-starts from.
-"""
+"""The claims of a result: its contact law, its contact tractions, and the previous load step."""
 
 from __future__ import annotations
 
@@ -25,11 +23,11 @@ class Law:
     """The contact law that a result is checked against.
 
     With finite gamma it is the regularised law: lambda = max(0, gamma_n (tau_N y - d)), and mu is
-    the projection of mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the previous shear.
-    With infinite gamma it is the law of contact and friction itself.
+    the projection of mu_0 + gamma_t times the slip onto |mu| <= F g, where mu_0 is the previous
+    shear.  With infinite gamma it is the law of contact and friction itself.
 
-    The tractions have the round-off of displacements times ``penalty``, by which they were computed
-    from these whatever the law is, also by augmentation; 0: they were not.
+    If the tractions were computed from displacements, also by augmentation, they have the round-off
+    of displacements times ``penalty``; otherwise ``penalty`` is 0.
     """
 
     gamma_n: float = np.inf  # stress per length, as those below
@@ -55,7 +53,7 @@ UNREGULARISED = Law()
 
 
 def overclosures_of(contacts: Sequence[Contact]) -> dict[int, Overclosure]:
-    """Return the laws of soft contact by the places of their contacts."""
+    """Return the laws of soft contact by the number of their contact."""
     laws = (
         (number, getattr(contact, "overclosure", None)) for number, contact in enumerate(contacts)
     )
@@ -64,10 +62,11 @@ def overclosures_of(contacts: Sequence[Contact]) -> dict[int, Overclosure]:
 
 @dataclass(frozen=True)
 class Tractions:
-    """The contact tractions at the n contact points of this rank, stresses, shapes (n,) and (n, d).
+    """The contact tractions at the n contact points of this rank, stresses.
 
     Attributes:
-        shear: mu as a vector of space: no frame is shared with the solver.
+        pressure: lambda, shape (n,).
+        shear: mu in Cartesian components, shape (n, d): no frame is shared with the solver.
     """
 
     pressure: Array
@@ -75,7 +74,7 @@ class Tractions:
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
-        """Return no tractions at any point."""
+        """Return zero tractions at all points."""
         return cls(np.zeros(boundary.size), np.zeros_like(boundary.x))
 
     @classmethod
@@ -86,7 +85,7 @@ class Tractions:
 
 @dataclass(frozen=True)
 class PreviousStep:
-    """The previous load step, from which a step starts."""
+    """The state at the end of the previous load step, from which friction acts."""
 
     displacement: fem.Function
     tractions: Tractions

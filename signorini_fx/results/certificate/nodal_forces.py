@@ -1,9 +1,9 @@
-"""Nodal forces of a scene by compiled linear forms, evaluated at a displacement, on which its
-certificate is based.
+"""Nodal forces of a scene at a displacement, assembled from compiled linear forms for the
+certificate.
 
 No matrix, right-hand side, condensed system or load vector of the solver is read: the form of the
-body is assembled at the displacement, and loads at their place in the lists of factors, with
-coefficients of their own.
+body is assembled at the displacement, and the loads at their position in the lists of factors, each
+with its own coefficients.
 """
 
 from __future__ import annotations
@@ -42,8 +42,10 @@ if TYPE_CHECKING:
 
 
 class NodalForces:
-    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are
+    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone.  All methods are
     collective.
+
+    A ``step`` is the position in the lists of load factors.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
@@ -59,8 +61,8 @@ class NodalForces:
 
     @classmethod
     def on(cls, model: Model) -> NodalForces:
-        """Return the forces of a model; statements on a mesh that differ in contact alone share
-        their forms.
+        """Return the forces of a model.  Statements on one mesh that differ in contact alone share
+        compiled forms.
         """
         statement = model.statement
         stated, kept = model.of_mesh.get("nodal_forces", (None, None))
@@ -75,7 +77,7 @@ class NodalForces:
 
     @shared_in("_of_forms")
     def pieces(self) -> RigidPart:
-        """Return the pieces of the body."""
+        """Return the connected pieces of the body."""
         return RigidPart(self.space)
 
     @shared_in("_of_forms")
@@ -85,19 +87,19 @@ class NodalForces:
 
     @shared_in("_of_forms")
     def _given(self) -> tuple[Expr | None, Expr | None, Callable[[float], None]]:
-        """Initial strains and jumps of the displacement, UFL, None without any, and what moves them
-        to a place.
+        """Return initial strains and jumps of the displacement as UFL, None for none, and a
+        function that moves them to a step.
         """
         return given_strains(self._on.statement, self.tagged, self.space)
 
     def _take(self, displacement: fem.Function) -> None:
-        """Evaluate all forms at a displacement."""
+        """Copy a displacement into the function at which all forms are evaluated."""
         for own, given in zip(fields_of(self._y), fields_of(displacement), strict=True):
             own.x.array[:] = given.x.array
 
     def _at_step(self, step: float) -> tuple[Expr | None, Expr | None, int]:
-        """Initial strains and jumps of a load step, UFL, or None, and the degree of quadrature of
-        the former.
+        """Return initial strains and jumps of a step as UFL, None for none, and the quadrature
+        degree of the strains.
         """
         strain, jump, move_to = self._given
         move_to(step)
@@ -107,8 +109,10 @@ class NodalForces:
     def _compiled(
         self, name: Hashable, terms: Callable[[], Sequence[ufl.Form | fem.Form | None]]
     ) -> Sequence[fem.Form]:
-        """Terms compiled once, each by itself: FFCx 0.9 compiles a form of one point beside another
-        one wrongly.
+        """Return compiled terms, compiled once under a name.
+
+        Each term is a form of its own, because FFCx 0.9 miscompiles a point form beside another
+        one.
         """
         if name not in self._of_forms:
             stated = [term for term in terms() if term is not None]
@@ -125,8 +129,8 @@ class NodalForces:
         return self.statement.element.pressed
 
     def internal(self, displacement: fem.Function) -> Array:
-        """a(y, .) of the strains of a displacement without ``resisted``, forces, shape (owned
-        nodes, d).
+        """Return a(y, .) of the strains of a displacement without ``resisted``, forces, shape
+        (owned nodes, d).
         """
         self._take(displacement)
         return self._sum(
@@ -134,9 +138,11 @@ class NodalForces:
         )
 
     def initial(self, step: float, displacement: fem.Function) -> tuple[Array, float]:
-        """Return forces of the stress that initial strains and jumps of a load step cause where
-        they are prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps,
-        and what both add to the energy of a ``displacement``.
+        """Return the forces of the stress that prevented initial strains and jumps cause, shape
+        (owned nodes, d), and its energy.
+
+        Where the pressure is an unknown, the forces are those of jumps, and the energy is what
+        strains and jumps add to that of ``displacement``.
         """
         strain, jump, degree = self._at_step(step)
         if strain is None and jump is None:
@@ -152,9 +158,12 @@ class NodalForces:
         return self._sum(prevented), self._number(energy)
 
     def dilation(self, displacement: fem.Function, step: float) -> tuple[Array, Array] | None:
-        """Return how far the volume changes otherwise than a pressure says, tested with the
-        functions of the pressure, and their integrals, volumes, both of shape (owned unknowns of
-        the pressure,); None if no pressure is an unknown.
+        """Return the residual of the change of volume and the volumes of its test functions, both
+        of shape (owned unknowns of the pressure,).
+
+        The residual is the difference between the change of volume and the one that the pressure
+        causes, tested with the functions of the pressure.  Returns None if the pressure is no
+        unknown.
         """
         if not self.pressed:
             return None
@@ -166,8 +175,10 @@ class NodalForces:
         return np.sum([assemble(form) for form in residual], axis=0), assemble(volume)
 
     def through(self, jump: Jump, displacement: fem.Function, step: float) -> float:
-        """Return the work on a jump of one of the stress in the cells beyond it, without that of
-        the loads in these cells: the tension through its section, a force.
+        """Return the tension through the section of a jump, a force.
+
+        It is the work of the stress in the cells beyond the section on a jump of one, without the
+        work of the loads in these cells.
         """
         strain, jumps, degree = self._at_step(step)
         self._take(displacement)
@@ -191,8 +202,12 @@ class NodalForces:
     def resisted(
         self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None
     ) -> Array:
-        """Return what resists a displacement on the boundary: all of it, or some; forces, shape
-        (owned nodes, d).
+        """Return the forces of springs and other resistances on the boundary at a displacement,
+        shape (owned nodes, d).
+
+        Args:
+            displacement: y.
+            resistances: those that count; None for all of the scene.
         """
         some = self.statement.of(Resistance) if resistances is None else resistances
         acting = [effect for effect in some if effect.acts]
@@ -205,8 +220,12 @@ class NodalForces:
         return self._sum(forms)
 
     def external(self, step: float, some: Sequence[ForceDensity] | None = None) -> Array:
-        """Return the forces in L of a load step, all or some, shape (owned nodes, d); initial
-        strains have none.
+        """Return the load vector L of a step, forces, shape (owned nodes, d); initial strains have
+        no part in it.
+
+        Args:
+            step: position in the lists of factors.
+            some: the loads that count; None for all of the scene.
         """
         total = np.zeros((self.owned, self.dimension))
         self._on.move_to(step)
@@ -227,7 +246,7 @@ class NodalForces:
         return total
 
     def prescribed(self, step: float) -> PrescribedNodes:
-        """Return the displacements that supports prescribe in a load step."""
+        """Return the displacements that supports prescribe at a step."""
         statement = self.statement
         tagged = self.tagged
         now = [statement.now(entry, step) for entry in statement.displacement]
@@ -261,11 +280,11 @@ class NodalForces:
         return PrescribedNodes(fixed, value[: self.owned], by[: self.owned], turned)
 
     def _sum(self, forms: Sequence[fem.Form]) -> Array:
-        """Linear forms, forces of shape (owned nodes, d)."""
+        """Return the sum of assembled linear forms, forces, shape (owned nodes, d)."""
         zero = np.zeros(self.owned * self.dimension)
         return sum((assemble(form) for form in forms), zero).reshape(-1, self.dimension)
 
     def _number(self, forms: Sequence[fem.Form]) -> float:
-        """Return the sum of forms without arguments."""
+        """Return the sum of assembled forms of rank zero over all ranks."""
         local_sum = sum((float(fem.assemble_scalar(form)) for form in forms), 0.0)
         return parallel.total(self.tagged.mesh.comm, local_sum)

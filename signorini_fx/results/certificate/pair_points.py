@@ -1,13 +1,13 @@
-"""The points of pairs of bodies for the certificate: identities of the map of the pair at the
-displacement of a result.
+"""Contact points of two bodies in the certificate, and the identities that their coupling must
+satisfy at the displacement of a result.
 
-Ranks, restarts or a changed entry would break them.  At all points
+Faults between ranks, in restarts or in an entry would break them.  At all points
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
 so that forces and moments of both sides balance, and the weights add up to the area where both
-sides meet.  Where normals follow deformed sides, a rotation R leaves B R = - R d, which the first
-two say.
+sides meet.  Where normals follow deformed sides, a rotation R gives B R = - R d, which follows from
+the first two.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PairPoints:
-    """The n contact points of a pair on this rank; methods are collective."""
+    """The n contact points of a pair of bodies on this rank.  Methods are collective."""
 
     sides: FacingSides  # both, undeformed
     slave: csr_matrix  # D, sparse, shape (n, nodes of the slave)
@@ -60,13 +60,18 @@ class PairPoints:
 
     @property
     def displaced(self) -> bool:
-        """Whether they are where the displacement has moved the sides."""
+        """Whether the points are on the displaced sides, as those of sides that slide are."""
         return self.moving is not None
 
     @staticmethod
     def relative(moving: MovingPair, owned: Array, normal: Array) -> Array:
-        """Return the relative displacement from that of the owned nodes, shape (n, d): along the
-        normal the distance, negative, and across it the slip since the step began.
+        """Return the relative displacement at the points, length, shape (n, d): minus the distance
+        along the normal, and the slip since the step began across it.
+
+        Args:
+            moving: the pair whose sides slide.
+            owned: displacements of the owned nodes.
+            normal: normals at the points, shape (n, d).
         """
         pair = copy(moving)
         pair.move(owned)
@@ -74,8 +79,11 @@ class PairPoints:
         return slip - pair.coupling.gap[:, None] * normal
 
     def on_other_side(self, of_node: Ints) -> Ints:
-        """Return numbers that the owned nodes have, at the node of the other side that each point
-        meets most, else -1, shape (n,).
+        """Return for each point the number of the node of the other side with the largest weight,
+        shape (n,), and -1 without any.
+
+        Args:
+            of_node: a number for each owned node, such as that of its piece.
         """
         of_master = from_owners(
             of_node[:, None].astype(np.float64), self.sides.master.nodes, self.sides.space.mesh.comm
@@ -89,9 +97,11 @@ class PairPoints:
         return opposite
 
     def least_area(self) -> Array:
-        """Return areas of the owned nodes of the space on which the pair may act beside its points:
-        what turns directions of sides that slide acts on the neighbours of points on the slave,
-        too.
+        """Return areas of the owned nodes of the space on which the pair may act beside its points,
+        shape (owned nodes,).
+
+        On sides that slide, forces that turn the normals act on the neighbours of points on the
+        slave too.
         """
         sides = self.sides
         area = np.zeros(self.sides.space.dofmap.index_map.size_local)
@@ -101,8 +111,8 @@ class PairPoints:
         return area
 
     def error(self) -> float:
-        """Return the largest error of the identities of the map, relative to one, to weights, or to
-        the size of the sides.
+        """Return the largest error of the identities of the coupling, relative to one, to weights,
+        or to the size of the sides.
         """
         sides = self.sides
         comm = self.sides.space.mesh.comm
@@ -150,7 +160,7 @@ class PairPoints:
 
 
 def _size_of(x: Array) -> float:
-    """Return the diagonal of the box around places, which are those of all ranks."""
+    """Return the diagonal of the bounding box of points, which are those of all ranks."""
     return diagonal(x)
 
 
