@@ -1,7 +1,7 @@
 """Derivatives of scalar results by the data of a problem, by one adjoint solve.
 
-It linearises a solution that is there, with the system that has solved it, and must not decide how
-one is found.
+This package linearises an existing solution with the system that solved it, and must not decide how
+a solution is found.
 """
 
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.

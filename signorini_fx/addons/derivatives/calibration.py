@@ -1,4 +1,6 @@
-"""Data of a scene from measured results: least squares by the derivatives of adjoint problems."""
+"""Calibration: data of a scene from measured results, by least squares with derivatives of adjoint
+problems.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,14 @@ _MOST_STEPS, _MOST_HALVINGS = 20, 40
 
 @dataclass(frozen=True)
 class Calibration:
-    """The data of a scene that fit what was measured best.
+    """The data of a scene that fit the measured results best.
 
     Attributes:
         values: the data by their paths.
-        deviations: standard deviation of each; nan with as many measured results as data, where
-            these have no deviations.
-        results: the measured results with those that were computed with ``values``.
-        scene: with these values.
+        deviations: standard deviation of each; nan with as many measured results as data, if these
+            have no deviations.
+        results: measured and computed value of each measured result, computed with ``values``.
+        scene: the scene with these values.
     """
 
     values: dict[str, float]
@@ -39,7 +41,9 @@ class Calibration:
     scene: Scene
 
     def __str__(self) -> str:
-        """Two tables, of the data and of the results."""
+        """Return the data with their deviations, and the measured and computed results, one
+        a line.
+        """
         spread = {k: f" +- {d:.2g}" for k, d in self.deviations.items() if np.isfinite(d)}
         data = [f"{k} = {v:.6g}{spread.get(k, '')}" for k, v in self.values.items()]
         fits = [f"{of}: measured {m:.6g}, computed {c:.6g}" for of, (m, c) in self.results.items()]
@@ -47,11 +51,11 @@ class Calibration:
 
 
 def read_measured(file: Path) -> tuple[dict[str, float], dict[str, float]]:
-    """Return measured results and their deviations by their names, of a table with the columns
-    ``of``, ``value`` and perhaps ``deviation``.
+    """Return measured results and their deviations by name, from a table with the columns ``of``,
+    ``value`` and optionally ``deviation``.
 
     Raises:
-        ResultError: it cannot be read, or lacks a column.
+        ResultError: the table cannot be read, or lacks a column.
     """
     try:
         table = read_csv(file)
@@ -72,20 +76,19 @@ def calibrate(
     *,
     deviations: Mapping[str, float] | None = None,
 ) -> Calibration:
-    """Return the data of a scene with which its results are closest to measured ones, from the
-    values that it has on; collective.
+    """Return the data of a scene with which its results are closest to measured ones; collective.
 
-    Gauss and Newton's method with the derivatives of ``sensitivity``, which it refuses the same
-    scenes as.
+    The method of Gauss and Newton starts from the values of the scene and uses the derivatives of
+    ``sensitivity``; it refuses the same scenes.
 
     Args:
         scene: see ``sensitivity``.
-        measured: results by their names, such as ``force bottom x step 2``; or a file, a table
-            with the columns ``of``, ``value`` and perhaps ``deviation``.
+        measured: results by their names, such as ``force bottom x step 2``; or a file, a table with
+            the columns ``of``, ``value`` and optionally ``deviation``.
         by: paths of the data, such as ``contact[0].friction.coefficient``.
         comm: the ranks that share the work.
         deviations: standard deviation of each measured result; None: all have the same relative
-            one, which follows from how well they fit.
+            deviation, which follows from how well they fit.
 
     Raises:
         SceneError: see ``sensitivity``; there are fewer results than data, they do not depend on
@@ -112,7 +115,9 @@ def calibrate(
     found, values = _solved(scene, measured, by, None, comm)
 
     def misfit(found: list[Sensitivity]) -> Array:
-        """Return the differences from what was measured, by their deviations, shape (results,)."""
+        """Return the differences between measured and computed results, in deviations, shape
+        (results,).
+        """
         return weights * (wanted - np.array([each.value for each in found]))
 
     for _ in range(_MOST_STEPS):
@@ -172,7 +177,9 @@ def _solved(
 def _refuse_idle(changes: Array, by: Sequence[str]) -> None:
     """Refuse data on which no measured result depends.
 
-    ``changes``: of each result by each of them, shape (results, data).
+    Args:
+        changes: derivative of each result times each datum, shape (results, data).
+        by: paths of the data.
     """
     sizes = np.abs(changes).max(axis=0)
     least = ZERO_IN_SOLUTION * sizes.max()

@@ -1,16 +1,16 @@
-"""The derivative of a quantity by one datum: the adjoint states, and the problem evaluated at two
-values of the datum.
+"""The derivatives of quantities by data, from adjoint states and from the problem at two values of
+a datum.
 
-What depends on the datum explicitly is evaluated for the displacement and the tractions of the
-solution, which stay: the difference of two residuals is exact but for round-off where the problem
-is linear in the datum, as it is in loads, in Young's modulus and in friction coefficients, and of
-second order elsewhere.  No solve takes part in it.
+The explicit dependence on the datum is evaluated for fixed displacement and tractions of the
+solution: the difference of two residuals is exact except for round-off where the problem is linear
+in the datum, as it is in loads, in Young's modulus and in friction coefficients, and of second
+order elsewhere.  It needs no solve.
 
-A load step with friction begins with the tangential displacement tau_T y of the one before it, and,
-where it is regularised, with its shear mu: its slip counts from the place o = tau_T y - mu /
-gamma_2.  With z = D^T q in the tangential components of its adjoint state, what a quantity owes to
-the earlier step is sum of w z . o, a quantity of that step: one loop from the last step to the
-first finds all adjoint states.
+A load step with friction begins with the tangential displacement tau_T y of the step before it,
+and, with regularisation, with its shear mu: its slip counts from the position o = tau_T y - mu /
+gamma_2.  With z = D^T q in the tangential components of the adjoint state, the dependence of a
+quantity on the earlier step is the sum of w z . o, a quantity of that step: one loop from the last
+step to the first finds all adjoint states.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ By = Callable[[Any, Sequence[Functional]], Explicit]
 
 @dataclass(frozen=True)
 class SolvedStep:
-    """A load step with its solution, and all that its derivatives need."""
+    """A load step with its solution, and everything that its derivatives need."""
 
     body: Model
     system: ElasticSystem
@@ -81,8 +81,8 @@ class SolvedStep:
     ) -> SolvedStep:
         """Return a load step that has just been solved; collective.
 
-        ``turning``: of points on shapes at finite displacements ``curvature``,
-            ``LinearisedLaw.slips`` and ``spin``.
+        See the attributes for most arguments.  ``turning`` has, for points on shapes at finite
+        displacements, ``curvature``, ``LinearisedLaw.slips`` and ``spin``.
         """
         if law is not None and law.follows_slip:
             reason = "derivatives are not possible yet where it follows the speed of slip"
@@ -124,11 +124,11 @@ class SolvedStep:
         )
 
     def quantity(self, of: Functional) -> tuple[PETSc.Vec, Array]:
-        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d);
+        """Return J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d);
         collective.
 
         Raises:
-            FormError: it is a moment at displaced points.
+            FormError: the quantity is a moment at displaced points.
         """
         row = of.by_displacement(self.displacement)
         boundary = self.state.boundary
@@ -156,8 +156,12 @@ class SolvedStep:
     def handed_back(
         self, adjoint: Adjoint | None, earlier: SolvedStep | None
     ) -> tuple[PETSc.Vec, Array] | None:
-        """Return what a quantity with this adjoint state owes to the load step before, as
-        ``quantity``; None: nothing; collective.
+        """Return the derivatives of a quantity by the state of the previous load step, in the form
+        of ``quantity``; None if they are zero; collective.
+
+        Args:
+            adjoint: the adjoint state of the quantity in this step, or None.
+            earlier: the previous step, or None.
         """
         if adjoint is None or earlier is None:
             return None
@@ -187,10 +191,16 @@ def columns(
     quantities: Sequence[tuple[int, Functional]],
     data: Sequence[By],
 ) -> tuple[Array, Array, list[int]]:
-    """Return derivatives of some quantities by some data, shape (quantities, data), the quantities,
-    and how many contact points of each load step stand between two sets; collective.  Each quantity
-    has the number of its load step, of which ``step_at`` gives the ``SolvedStep`` as ``solved``,
-    and as ``earlier`` that of the one before, or None.
+    """Return derivatives of quantities by data, shape (quantities, data), the values of the
+    quantities, and the number of contact points of each load step between two active sets;
+    collective.
+
+    Args:
+        count: number of load steps.
+        step_at: returns a load step by its number, with its ``SolvedStep`` as ``solved``, and that
+            of the previous step as ``earlier``, or None.
+        quantities: the quantities, each with the number of its load step.
+        data: functions that return the explicit derivatives by each datum.
     """
     slopes = np.zeros((len(quantities), len(data)))
     values = np.zeros(len(quantities))
@@ -221,7 +231,7 @@ def columns(
 
 
 def _map_to(boundary: ContactBoundary, body: Model) -> ContactMap:
-    """B of contact points from the unknowns of a body; collective."""
+    """Return the map B from the unknowns of a body to contact points; collective."""
     body_boundary = body.boundary
     assert body_boundary is not None
     unchanged = boundary is body_boundary
@@ -256,10 +266,14 @@ def explicit(
     quantities: Sequence[Functional],
     previous: tuple[SolvedStep, ChangedStep] | None = None,
 ) -> Explicit:
-    """Return a load step with some data at the displacement and the tractions of its solution;
-    collective.
+    """Return the explicit dependence of a load step on its data, at the displacement and the
+    tractions of its solution; collective.
 
-    ``previous``: the one before it with its data.
+    Args:
+        solved: the load step.
+        data: its data.
+        quantities: the quantities to evaluate.
+        previous: the previous load step with its data; None for the first step.
     """
     state = solved.state
     y = solved.body.function(_displaced(solved, data, solved.body))
@@ -274,7 +288,7 @@ def explicit(
 
 
 def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
-    """R at the unknowns of the stiffness; collective."""
+    """Return the residual R at the unknowns of the stiffness; collective."""
     body = solved.body
     state = solved.state
     residual = body.vector(-data.forces)
@@ -288,7 +302,7 @@ def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
 
 
 def elastic_forces(body: Model, forms: Sequence[fem.Form], y: fem.Function) -> PETSc.Vec:
-    """A(y, .) of forms at the unknowns of the stiffness; collective."""
+    """Return a(y, .) of the forms at the unknowns of the stiffness; collective."""
     nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
     return body.vector(action(tuple(forms), y, nodes))
 
@@ -296,7 +310,7 @@ def elastic_forces(body: Model, forms: Sequence[fem.Form], y: fem.Function) -> P
 def _relative(
     solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None
 ) -> Array:
-    """B x - d, length, shape (n, d); collective."""
+    """Return B x - d, length, shape (n, d); collective."""
     body = solved.body
     contact = _map_to(data.boundary, solved.body)
     u_n, u_t = contact.traces(_displaced(solved, data, body))
@@ -315,8 +329,8 @@ def _relative(
 
 
 def _displaced(solved: SolvedStep, data: ChangedStep, body: Model) -> PETSc.Vec:
-    """Return the displacement of a load step with what its data prescribe, in the unknowns of a
-    body; collective.
+    """Return the displacement of a load step with the prescribed values of its data, in the
+    unknowns of ``body``; collective.
     """
     x = solved.body.unknowns(solved.displacement)
     prescribed = solved.body.vector(data.prescribed)
@@ -328,8 +342,8 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: Model) -> PETSc.Vec:
 
 
 def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
-    """Return the derivatives of a load step by a datum, from those where it is larger and smaller
-    by a step.
+    """Return the derivatives of a load step by a datum, as central differences of its values for
+    the datum plus and minus ``step``.
     """
     direct = [
         (upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)

@@ -53,8 +53,8 @@ class OfForm(Functional):
 
 
 def _quantity_of(wanted: ufl.Form | str, u: fem.Function, body: Callable[[], Model]) -> Functional:
-    """Return a result, see ``ContactProblem.gradient``: a form, or words with a contact by its name
-    or number; collective.
+    """Return a result, see ``ContactProblem.gradient``: a UFL form, or a text with a contact by its
+    name or number; collective.
     """
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
@@ -79,7 +79,7 @@ def _quantity_of(wanted: ufl.Form | str, u: fem.Function, body: Callable[[], Mod
 
 
 def _checked(by: fem.Constant | Sequence[fem.Constant]) -> list[fem.Constant]:
-    """Return the Constants."""
+    """Return the Constants as a list; refuse anything but Constants with one value."""
     constants = [by] if isinstance(by, fem.Constant) else list(by)
     wrong = [
         k
@@ -97,9 +97,15 @@ def _checked(by: fem.Constant | Sequence[fem.Constant]) -> list[fem.Constant]:
 
 
 def extrapolated(slope: Callable[[float], float], unit: float) -> float:
-    """Return a derivative from central differences over several half widths, counted by ``unit``,
-    by Ridders' method: without the noise of a narrow one where the data are smooth, and the narrow
-    one elsewhere.
+    """Return a derivative extrapolated from central differences of several widths, by Ridders'
+    method.
+
+    Where the data are smooth it has not the round-off of a narrow difference; elsewhere the narrow
+    difference is returned.
+
+    Args:
+        slope: returns the central difference of a half width.
+        unit: unit of the half widths; 0 for the narrow difference alone.
     """
     narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
     best = narrow
@@ -132,14 +138,18 @@ def gradient(
     """Return the derivatives of one result by Constants, see ``ContactProblem.gradient``;
     collective.
 
-    ``step``: the solution, see ``SolvedStep.of``.
-    ``data``: evaluates the problem with the values that the Constants have: forms, forces,
-        prescribed displacements, contact points, gap, law, see ``ChangedStep``.
+    Args:
+        of: the result.
+        by: the Constants.
+        body: returns the model.
+        step: the solution, see ``SolvedStep.of``.
+        data: evaluates the problem with the current values of the Constants: forms, forces,
+            prescribed displacements, contact points, gap, law, see ``ChangedStep``.
 
     Raises:
         FormError: an argument is wrong.
-        RuntimeError: the result depends on the step before, whose Constants, Functions and
-            conditions are not known any more.
+        RuntimeError: the result depends on the previous step, whose Constants, Functions and
+            conditions are no longer known.
     """
     begun = step[3]
     u = step[5]

@@ -72,13 +72,13 @@ class Sensitivity:
 
     Attributes:
         of: the result, such as ``force bottom y``.
-        value: of it.
+        value: its value.
         by: the paths of the data.
-        data: their values; 1 for a load as a whole, nan for an expression, which gets another term.
-        derivatives: of the result by each of them.
-        between: contact points that stand between two sets: there the derivatives are those of one
-            side.
-        solution: whose derivatives they are.
+        data: their values; 1 for a whole load, nan for an expression, to which a constant is added.
+        derivatives: derivatives of the result by each of them.
+        between: number of contact points between two active sets, where the derivatives are
+            one-sided.
+        solution: the solution that is differentiated.
     """
 
     of: str
@@ -93,12 +93,12 @@ class Sensitivity:
         return f"<Sensitivity of {self.of}: {dict(zip(self.by, self.derivatives, strict=True))}>"
 
     def __getitem__(self, path: str) -> float:
-        """The derivative by the entry at a path."""
+        """Return the derivative by the datum at a path."""
         return self.derivatives[self.by.index(path)]
 
     def __str__(self) -> str:
-        """A table: value of each datum, derivative, and by how many per cent 1 % of the datum
-        changes the result.
+        """Return a table: value of each datum, derivative, and by how many per cent 1 % of the
+        datum changes the result.
         """
         wide = max(len(path) for path in self.by)
         lines = [
@@ -141,16 +141,15 @@ def sensitivity(
 ) -> Sensitivity | list[Sensitivity]:
     """Solve a scene and differentiate its results with respect to its data; collective.
 
-    gamma and the choice of the contact sets do not change: derivatives are those of the discrete
-    solution.
+    Derivatives are those of the discrete solution, for fixed gamma and active sets.
 
     Args:
-        scene: on one mesh: a ``Scene``, the path of its file, or its mapping.
-        of: the result or several: see ``functional_of``; of the last load step, or of another one
-            with its number behind it, as in ``force bottom x step 2``.
-        by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an
-            expression a term that is added to it; the path of a load itself, such as
-            ``traction[0]``: a factor of all of it.
+        scene: a scene on one mesh: a ``Scene``, the path of its file, or its mapping.
+        of: the result or several, see ``functional_of``; of the last load step, or of another one
+            with its number at the end, as in ``force bottom x step 2``.
+        by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``.  The path of
+            an expression stands for a constant that is added to it, the path of a load, such as
+            ``traction[0]``, for a factor of the whole load.
         comm: the ranks that share the work.
 
     Raises:
@@ -180,8 +179,8 @@ def sensitivity(
 
 @dataclass(frozen=True)
 class _Step:
-    """A load step of a scene with its solution; the model has its foundations where they are in
-    this step.
+    """A load step of a scene with its solution; the foundations of the model have their positions
+    in this step.
     """
 
     model: Model
@@ -192,7 +191,7 @@ class _Step:
 
     @cached_property
     def data(self) -> ChangedStep:
-        """Return the data of the step, without forms, whose forces no datum changes at the
+        """The data of the step, without forms, whose forces do not change with a datum at the
         solution; collective.
         """
         model = self.model
@@ -209,9 +208,7 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Steps:
-    """The load steps of a scene, and the scene with contact points on the sides that were
-    chosen.
-    """
+    """The load steps of a scene, and its statement with contact points on the chosen sides."""
 
     steps: list[_Step]
     statement: Statement
@@ -252,7 +249,7 @@ class _Steps:
 
     @property
     def models(self) -> list[Model]:
-        """Return the models of the load steps."""
+        """The models of the load steps."""
         return [step.model for step in self.steps]
 
     def at(self, number: int) -> _Step:
@@ -260,8 +257,11 @@ class _Steps:
         return self.steps[number]
 
     def by(self, path: str, change: float) -> By:
-        """Return the derivatives by the number at a path, from its change for a difference;
-        collective.
+        """Return the function that gives the derivatives by the number at a path; collective.
+
+        Args:
+            path: path of the number.
+            change: half width of the difference.
         """
         changes = (
             varied(self.statement, path, sign * change, self.steps[0].model.dimension)
@@ -281,8 +281,12 @@ def _by_difference(
     before: Sequence[Callable[[Any], ChangedStep]],
     change: float,
 ) -> By:
-    """Return the derivatives from functions that give the data of a load step, and of the step
-    before, with a larger and a smaller number.
+    """Return the function that gives explicit derivatives by central differences.
+
+    Args:
+        at: functions from a load step to its data, with a larger and a smaller number.
+        before: the same for the data of the previous step.
+        change: half width of the difference.
     """
 
     def evaluated(step: _Step | _LinearisedStep, quantities: Sequence[Functional]) -> Explicit:
@@ -320,9 +324,11 @@ def _sensitivities(
 
 
 def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
-    """Return the number of the load step of a result, and the result.
+    """Return the number of the load step of a result, from 0, and the result.
 
-    ``models``: of all load steps.
+    Args:
+        models: the models of all load steps.
+        text: name of the result, perhaps with a number of a load step.
     """
     words = text.rpartition(" step ")
     if not words[1]:
@@ -334,8 +340,10 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
 
 
 def _by_modulus(model: Model, statements: Sequence[Statement], change: float) -> By:
-    """Return the derivatives by a modulus: differences of forces would be wrong by 1e-4 where a
-    body is slender.
+    """Return the function that gives the derivatives by a modulus, from forms with the derivatives
+    of the Lame parameters.
+
+    Differences of forces would be wrong by 1e-4 where a body is slender.
     """
     larger, smaller = statements
     high = lame_coefficients(larger, model.tagged)
@@ -368,7 +376,9 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
 
 
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
-    """Return the data of each load step of a scene in which the number at a path is another."""
+    """Return a function from the number of a load step to its data, for a statement with another
+    number at a path.
+    """
     of_contact = path.startswith("contact")
     changed = None if of_contact else prepare(statement, steps[0].model.tagged, Timings())
     at = [statement.contacts_at(step.place) for step in steps]
@@ -416,7 +426,7 @@ def _loads(model: Model, load_step: float) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _NonlinearSteps:
-    """The load steps of a scene, and the problem that has solved them."""
+    """The load steps of a scene with nonlinear materials, and the problem that solved them."""
 
     problem: ProblemOfScene
     reached: list[SolvedBody]
@@ -436,8 +446,11 @@ class _NonlinearSteps:
         return cls(problem, reached, solution)
 
     def by(self, path: str, change: float) -> By:
-        """Return the derivatives by the number at a path, from its change for a difference;
-        collective.
+        """Return the function that gives the derivatives by the number at a path; collective.
+
+        Args:
+            path: path of the number.
+            change: half width of the difference.
         """
         statement = self.statement
         dimension = self.problem.model.dimension
@@ -453,16 +466,16 @@ class _NonlinearSteps:
 
     @property
     def models(self) -> list[Model]:
-        """Return the model of the load steps, which is the same for all."""
+        """The model of all load steps, once for each."""
         return [self.problem.model] * len(self.reached)
 
     @property
     def statement(self) -> Statement:
-        """The scene, with contact points on the sides that were chosen."""
+        """The entries of the scene, with contact points on the chosen sides."""
         return self.problem.statement
 
     def at(self, number: int) -> _LinearisedStep:
-        """Return a load step as it was solved; collective."""
+        """Return a load step with its linearised problem; collective."""
         step = self.reached[number]
         preceding = self.reached[number - 1] if number else None
         solved = SolvedStep.of(*self.problem.linearised(step))
@@ -475,7 +488,7 @@ class _LinearisedStep:
     """A load step of a scene with its linearised problem.
 
     Attributes:
-        preceding: how the load step before it ended.
+        preceding: the end of the previous load step; None in the first step.
     """
 
     problem: ProblemOfScene
@@ -485,14 +498,14 @@ class _LinearisedStep:
 
     @cached_property
     def usual(self) -> ChangedStep:
-        """Return the data of the step; collective."""
+        """The data of the step; collective."""
         problem = self.problem
         forces = problem.forces_anew(problem.statement, self.solved.displacement)
         return replace(ChangedStep(*problem.linear.data_now()), forces=forces)
 
     @cached_property
     def earlier(self) -> SolvedStep | None:
-        """The load step before as far as slips of this one need it, or None if there is none."""
+        """The previous load step, as far as slips of this one need it, or None without one."""
         if self.preceding is None:
             return None
         displacement = self.solved.displacement.copy()
@@ -508,7 +521,7 @@ class _LinearisedStep:
 
 
 class _ChangedScene:
-    """A scene in which one number is another."""
+    """A scene with another value of one number."""
 
     def __init__(self, steps: _NonlinearSteps, statement: Statement, path: str) -> None:
         self._problem = steps.problem
@@ -530,14 +543,14 @@ class _ChangedScene:
         return model.loads_at(path_step).prescribed[: model.fixed.size]
 
     def before(self, step: _LinearisedStep) -> ChangedStep:
-        """Return the load step before with that number; collective."""
+        """Return the data of the previous load step with this value; collective."""
         assert step.preceding is not None
         assert step.earlier is not None
         values = self.values(step.preceding.result.place)
         return replace(step.usual, prescribed=values, boundary=step.earlier.state.boundary)
 
     def at(self, step: _LinearisedStep) -> ChangedStep:
-        """Return a load step with that number; collective."""
+        """Return the data of a load step with this value; collective."""
         usual = step.usual
         y = step.solved.displacement.copy()
         problem = self._problem
@@ -576,8 +589,9 @@ class _ChangedScene:
 def _entry_of(
     statement: Statement, path: str, extent: float, dimension: int
 ) -> tuple[float, float]:
-    """Return the number at a path, 1 for a whole load, nan for an expression, and the step for a
-    difference.
+    """Return the number at a path, and the half width for a difference.
+
+    The number is 1 for a whole load, nan for an expression.
     """
     if path.startswith("material") and not all(
         material.isotropic for material in statement.material
@@ -611,8 +625,10 @@ def _entry_of(
 
 
 def varied(statement: Statement, path: str, change: float, dimension: int) -> dict[str, Any]:
-    """Return what ``statement.changed`` takes for a number larger by ``change``; an expression gets
-    it as another term, a load as a part of it.
+    """Return the arguments of ``statement.changed`` that increase the number at a path by
+    ``change``.
+
+    It is added to an expression, and a load is multiplied by one plus it.
     """
     *way, (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
@@ -636,7 +652,9 @@ def varied(statement: Statement, path: str, change: float, dimension: int) -> di
 
 
 def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str | int]]:
-    """Return the tables on the way to a number, each with the key that leads on, and the number."""
+    """Return the tables on the path to a number, each with the key of the next one, and at last the
+    number.
+    """
     keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
     if not keys or keys[0] not in statement.effects:
         raise SceneError.at(path, f"cannot differentiate with respect to this entry, {_EXAMPLE}")
