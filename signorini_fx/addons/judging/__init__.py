@@ -1,6 +1,6 @@
-"""A verdict on another program's contact result: equilibrium, supports, contact, friction, and the
-distance to ours.
+"""A verdict on a contact result of another program: equilibrium, supports, contact, friction, and
+the distance to our solution.
 
-It shares nothing with the solver but the mesh and the data of the problem.  No other package
-imports it: an add-on.
+It shares nothing with the solver except the mesh and the data of the problem.  It is an add-on: no
+other package imports it.
 """

@@ -1,4 +1,6 @@
-"""Other problems that a result may solve: one load, modulus, friction or gap is another one."""
+"""Other problems that a result may solve: those in which one load, modulus, friction or gap is
+different.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class OtherProblem:
-    """An alternative with a value, and its solution."""
+    """An alternative with a certain value, and its solution."""
 
     text: str  # what it is
     displacement: Array  # length, shape (n, d)
@@ -45,9 +47,13 @@ class OtherProblem:
 
 
 def nearest_alternative(on_mesh: SolutionOnMesh, v: Array, enough: float) -> OtherProblem | None:
-    """Return the alternative whose solution is nearest to a displacement, or None if there is none.
+    """Return the alternative whose solution is nearest to a displacement in the energy norm, or
+    None without one.
 
-    From the distance ``enough`` on no nearer value is sought, in the energy norm.
+    Args:
+        on_mesh: our solution.
+        v: the displacement of the result, length, shape (n, d).
+        enough: distance at which the search for a nearer value stops.
     """
     size = float(np.abs(on_mesh.displacement).max())
     tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))
@@ -58,7 +64,9 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Array, enough: float) -> Oth
 def _values(
     on_mesh: SolutionOnMesh, v: Array, tried: Alternative, enough: float
 ) -> Iterator[OtherProblem]:
-    """Yield the solutions of values found by secants, until one has no effect or no solution."""
+    """Yield the solutions for values that the secant method finds, until a value has no effect or
+    no solution.
+    """
     value = tried.trial
     before = tried.start
     u_before = on_mesh.displacement
@@ -84,7 +92,9 @@ def _values(
 def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
     """Yield all alternatives of a scene.
 
-    ``size``: the largest displacement, length.
+    Args:
+        scene: the scene.
+        size: the largest displacement, length.
     """
     loads = [
         (key, number)
@@ -117,7 +127,9 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
 
 
 def _of_friction(scene: Scene, number: int, contact: Contact) -> Iterator[Alternative]:
-    """Yield another coefficient or bound of friction; without friction a coefficient."""
+    """Yield another coefficient or bound of friction; for a contact without friction a
+    coefficient.
+    """
     friction = contact.friction
     law = friction.model_dump()
     if isinstance(friction, NoFriction):
@@ -162,15 +174,15 @@ def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dic
 
 
 def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, Any]:
-    """Return the list of one key of a scene with other values in one of its entries."""
+    """Return one list of a scene with other values in one of its entries, by its key."""
     entries = list(getattr(scene, key))
     entries[number] = entries[number].remade(**values)
     return {key: entries}
 
 
 def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
-    """Return the materials with a compliance, of which the displacement is nearly linear, that is
-    so many times as large.
+    """Return the materials with one compliance multiplied by a factor; the displacement is nearly
+    linear in it.
     """
     material = scene.material[number]
     return _changed(scene, "material", number, young=material.young / compliance)

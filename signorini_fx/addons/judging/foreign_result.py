@@ -1,4 +1,4 @@
-"""A result of another program at the nodes of a problem."""
+"""Results of other programs, assigned to the nodes of a problem."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
 
 
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
-    """Return the result of a file: it tells nodes by their numbers, else by their positions."""
+    """Return the result of a file; nodes are matched by their numbers, or without numbers by their
+    positions.
+    """
     kind = file.suffix.lower()
     if kind not in READERS:
         raise MeshError(f"{file}: results are read from {', '.join(READERS)}")
@@ -58,12 +60,14 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
 
 
 def _finite(values: Array) -> Array:
-    """Return values with infinity in place of what is no number: NaN stands for missing values."""
+    """Return values with infinity in place of nan, because nan stands for missing values."""
     return np.where(np.isnan(values), np.inf, values)
 
 
 def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
-    """Return the row of the table with the number of each node, shape (n,); -1: there is none."""
+    """Return the row of the table for the number of each node, shape (n,), and -1 where it has
+    none.
+    """
     assert table.numbers is not None
     numbering = Numbering(table.numbers)
     again = numbering.again
@@ -85,8 +89,10 @@ def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
 
 
 def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
-    """Return the row of the table at the position of each node, shape (n,); -1: there is none. The
-    middles of their cells tell nodes at one position apart.
+    """Return the row of the table at the position of each node, shape (n,), and -1 where it has
+    none.
+
+    Nodes at one position are distinguished by the middles of their cells.
     """
     near = JUDGED_SAME_PLACE * problem.arrays.diagonal
     if table.points is None:
@@ -119,8 +125,8 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
 
 
 def _in_cells(x: Array, tables: Sequence[Ints]) -> tuple[Ints, Array]:
-    """Return the number of each point of each cell, shape (k,), and its position with the middle of
-    its cell, length, shape (k, 2 d).
+    """Return the node of each corner of each cell, shape (k,), and its position followed by the
+    middle of its cell, length, shape (k, 2 d).
     """
     middles = [np.broadcast_to(x[cells].mean(axis=1)[:, None], x[cells].shape) for cells in tables]
     numbers = np.concatenate([cells.ravel() for cells in tables])

@@ -1,8 +1,8 @@
 """``judge``: a verdict on another program's displacement of a contact problem.
 
-Its distance from our solution on the same mesh, and on the mesh with halved sides, stands beside
-the error of ours. Beyond that error the certificate of the result says which condition it violates,
-and other problems are tried.
+The distance of the result from our solution on the same mesh, and on the mesh with halved sides, is
+compared with the error of our solution. Beyond that error the certificate of the result shows which
+condition it violates, and other problems are tried.
 """
 
 from __future__ import annotations
@@ -65,15 +65,15 @@ class Judgement:
     """A verdict on a result.
 
     Attributes:
-        name: of the result.
+        name: name of the result.
         word: ``agrees within the error of the mesh``, ``another problem``, ``violates`` supports,
             equilibrium, penetration, tension, complementarity or friction, or ``cannot be told``.
-        reason: why, in words; "": the word says all.
+        reason: why, in words; "" if the word says all.
         theirs: program, time and digits of the result.
-        figures: by their names, each its value and threshold: shares of the energy norm, of the
+        figures: value and threshold of each figure by name: shares of the energy norm, of the
             largest displacement, of the contact force, and of the largest pressure.
         lost: what the problem as read lacks of its input file.
-        lines: label -> text, the lines below the word.
+        lines: the lines below the word, by label.
     """
 
     name: str
@@ -86,13 +86,14 @@ class Judgement:
 
     @property
     def agrees(self) -> bool:
-        """Whether it solves the problem, as far as its mesh can tell."""
+        """Whether the result solves the problem, as far as its mesh can show."""
         return self.word == AGREES
 
     @property
     def exit_code(self) -> int:
-        """The exit code of the command: 0 it agrees, 4 it does with what was read of the input
-        file, 5 it solves another problem, 6 it violates the problem, 7 it cannot be told.
+        """The exit code of the command: 0 the result agrees, 4 it agrees with what was read of the
+        input file, 5 it solves another problem, 6 it violates the problem, 7 no verdict is
+        possible.
         """
         return {AGREES: 4 if self.lost else 0, ANOTHER: 5, NOT_TOLD: 7}.get(self.word, 6)
 
@@ -118,9 +119,9 @@ def judge(problem: object, result: object) -> Judgement:
     Args:
         problem: the path of an input file (.inp) of Abaqus or CalculiX, or of a scene file; or a
             ``Scene``.
-        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv or .vtu;
-            or an array of shape (n, d), in the order of the nodes of the input file or of the mesh
-            of the scene.
+        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv or .vtu
+            file; or an array of shape (n, d), in the order of the nodes of the input file or of the
+            mesh of the scene.
 
     Raises:
         MeshError: a file cannot be read, or the array has another shape.
@@ -146,9 +147,11 @@ def judge(problem: object, result: object) -> Judgement:
 
 
 def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str] | None:
-    """Return the word for a result of another time, and why; None if it is of the same time.
+    """Return the word and the reason for a result that ends at another time than the problem, or
+    None.
 
-    A result that cannot be judged raises ``NotJudgedError``.
+    Raises:
+        NotJudgedError: the result cannot be judged.
     """
     values = theirs.displacement
     if problem.unjudged:
@@ -189,7 +192,7 @@ class _Judging:
     """The figures and lines that lead to a verdict.
 
     Attributes:
-        violated: the words for each condition if it is violated, in the order of their lines.
+        violated: the text for each condition if it is violated, in the order of the lines.
     """
 
     problem: JudgedProblem
@@ -207,7 +210,7 @@ class _Judging:
 
     @cached_property
     def finer(self) -> SolutionOnMesh | None:
-        """Our solution on the next mesh, or None if that would take long, or there is none."""
+        """Our solution on the next finer mesh, or None if it would take too long or has none."""
         arrays = self.problem.arrays
         if arrays.points.size * 2**arrays.dim > JUDGED_FINEST:
             return None
@@ -218,7 +221,9 @@ class _Judging:
 
     @cached_property
     def read_finer(self) -> Array:
-        """Our solution on the next mesh at the nodes of this one, or ours where there is none."""
+        """Our solution on the finer mesh at the nodes of this mesh, or our solution on this mesh
+        without one.
+        """
         finer = self.finer
         return self.ours.displacement if finer is None else self.ours.from_finer(finer)
 
@@ -239,7 +244,7 @@ class _Judging:
 
     @cached_property
     def norms(self) -> EnergyNorms:
-        """The energy norms of our solution, of its error, and of the distance of the result."""
+        """The energy norms of our solution, of its error, and of its distance from the result."""
         ours = self.ours
         finer = self.finer
         distance = ours.norm(self.v - ours.displacement)
@@ -320,9 +325,10 @@ class _Judging:
         )
 
     def _strained_alike(self, *but: str) -> tuple[str, str]:
-        """Return the word where strains are ours within the error: a rigid motion, which they do
-        not show, may yet violate contact, and displacement or contact force may be farther from
-        ours.
+        """Return the word and the reason if the strains are ours within the error.
+
+        A rigid motion, which strains do not show, may still violate contact, and displacement or
+        contact force may be farther from ours.
         """
         worst = self._worst(*but)
         excess = self._excess({})
@@ -334,12 +340,12 @@ class _Judging:
         return AGREES, ""
 
     def _worst(self, *but: str) -> str:
-        """Return the condition that is violated most; not of the supports, nor one of ``but``."""
+        """Return the condition that is violated most, except the supports and those of ``but``."""
         considered = [name for name in self.violated if name not in ("supports", *but)]
         return max(considered, key=self._value)
 
     def _most(self, condition: str) -> float:
-        """Return the share by which a condition may be violated with other elements."""
+        """Return the share by which a condition may be violated with other elements than ours."""
         return max(_HALF, MARGIN * self.on_finer.get(condition, 0.0))
 
     def _violates(self, condition: str) -> tuple[str, str]:
@@ -352,7 +358,9 @@ class _Judging:
         self.figures[name] = {"value": float(value), "threshold": float(threshold)}
 
     def _excess(self, limits: Mapping[str, float]) -> list[str]:
-        """Return the measures that are beyond limits, else beyond their thresholds."""
+        """Return the measures that are beyond their limits, or beyond their thresholds where there
+        is no limit.
+        """
         return [
             name
             for name in _MEASURES
@@ -361,8 +369,8 @@ class _Judging:
         ]
 
     def _in_increments(self) -> bool:
-        """Return whether the result agrees with our solution in increments, in which programs solve
-        problems with friction.
+        """Return whether the result agrees with our solution in load increments, by which other
+        programs solve problems with friction.
         """
         scene = self.problem.scene
         ours = self.ours
@@ -384,13 +392,13 @@ class _Judging:
         return True
 
     def _other_problem(self, on_mesh: float, left: float, farthest: float, printed: float) -> str:
-        """Return the other problem that the result solves, in words; "": there is none.
+        """Return the other problem that the result solves, in words, or "".
 
         Args:
             on_mesh: the distance of the result from ours in the energy norm.
-            left: the share of it that the other problem may leave.
-            farthest: the distance that it may leave at most.
-            printed: the distance that the last printed digits make.
+            left: the share of this distance that may remain to the other problem.
+            farthest: the largest distance that may remain.
+            printed: the distance that is due to the last printed digits.
         """
         ours = self.ours
         v = self.v
@@ -419,7 +427,7 @@ class _Judging:
         return other.text if explained else ""
 
     def _certify(self, size: float, allowed: float) -> None:
-        """Record the figures of the certificate, and the words for each condition if it is
+        """Record the figures of the certificate, and the text for each condition if it is
         violated.
         """
         ours = self.ours
@@ -458,7 +466,9 @@ class _Judging:
         self.lines["friction"] = f"off by {_percent(shares['friction'])} of the largest pressure"
 
     def _shares(self, v: Array, tractions: Tractions) -> dict[str, float]:
-        """Return by how much a displacement with its tractions violates conditions of contact."""
+        """Return by how much a displacement with its tractions violates each condition of
+        contact.
+        """
         certificate = self.ours.certificate(v, tractions)
         friction = max(
             certificate.friction_cone, certificate.wrong_way_slip, certificate.slip_below_bound
@@ -467,8 +477,8 @@ class _Judging:
         return dict(zip(_CONDITIONS, (certificate.entered, *pressure, friction), strict=True))
 
     def _compare(self) -> None:
-        """Record how far displacement and contact force are from ours, and how far ours may be on
-        such meshes.
+        """Record the distance of displacement and contact force from ours, and the largest distance
+        that such meshes explain.
         """
         ours = self.ours
         finer = self.finer
@@ -505,8 +515,8 @@ class _Judging:
         )
 
     def _away(self, v: Array, w: Array) -> dict[str, float]:
-        """Return how far two displacements, and the contact forces that are read from them, are
-        apart, relative to ours.
+        """Return the differences between two displacements, and between their contact forces,
+        relative to ours.
         """
         away = {"displacement": _largest(v - w) / _largest(self.ours.displacement)}
         if self.ours.solution.contact is not None and self.ours.force() > 0:
@@ -514,8 +524,8 @@ class _Judging:
         return away
 
     def _away_from(self, w: Array) -> dict[str, float]:
-        """Return the same of the result and a solution on this mesh, or what its finer mesh would
-        make of it.
+        """Return the differences between the result and a solution on this mesh, see ``_away``, or
+        from an estimate of that solution on the finer mesh if these are smaller.
         """
         on_mesh = self._away(self.v, w)
         on_finer = self._away(self.v, w + self.read_finer - self.ours.displacement)

@@ -1,5 +1,6 @@
-"""The problem that a result is judged against, on a mesh whose nodes have the numbers of the
-result; our solution of it on one mesh, and what another displacement of that mesh is beside it.
+"""The problem that a result is judged against, and our solution of it.
+
+The nodes of its mesh have the numbers of the result.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _LIKE_OURS = re.compile(r"(CPE|CAX)[346]|C3D(4|8|10)")
 
 @dataclass(frozen=True)
 class JudgedProblem:
-    """A scene on a mesh with the nodes of its elements."""
+    """A scene on a mesh that has all nodes of its elements."""
 
     scene: Scene
     arrays: MeshArrays
@@ -53,7 +54,7 @@ class JudgedProblem:
 
     @property
     def unjudged(self) -> str:
-        """The features of the problem that cannot be judged, in words; "": there are none."""
+        """The features of the problem that cannot be judged, in words; "" without any."""
         scene = self.scene
         element = self.scene.element
         reasons = {
@@ -74,12 +75,12 @@ class JudgedProblem:
 
     @property
     def points(self) -> Array:
-        """Positions of the nodes that a result has, length, shape (n, d)."""
+        """Positions of the nodes of a result, length, shape (n, d)."""
         return self.arrays.points[: len(self.names)]
 
     @property
     def cells(self) -> Ints:
-        """The nodes of each cell that a result has, shape (m, k)."""
+        """The nodes of a result in each cell, shape (m, k)."""
         cells = self.arrays.cells
         return cells[:, (cells < len(self.names)).all(axis=0)]
 
@@ -122,7 +123,9 @@ class NotJudgedError(Exception):
 
 @dataclass(frozen=True)
 class SolutionOnMesh:
-    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d), length."""
+    """Our solution on a mesh.  Displacements are in the order of its nodes, length, shape
+    (n, d).
+    """
 
     problem: JudgedProblem
     arrays: MeshArrays
@@ -144,7 +147,9 @@ class SolutionOnMesh:
         return cls(problem, arrays, mesh, solution, block)
 
     def on_finer(self, u: Array) -> Array:
-        """Return a displacement at the nodes of the mesh with all sides halved, shape (n, d)."""
+        """Return a displacement interpolated to the nodes of the mesh with all sides halved, shape
+        (n, d).
+        """
         # What is done to positions, which the shape functions of the cells interpolate, is done to
         # displacements, too.
         return halved(replace(self.arrays, points=u)).points
@@ -204,8 +209,8 @@ class SolutionOnMesh:
         )
 
     def completed(self, v: Array) -> Array:
-        """Return a displacement that is NaN at some nodes with values there that make its distance
-        to ours smallest, shape (n, d).
+        """Return a displacement with its nan replaced by the values that minimise its distance to
+        ours in the energy norm, shape (n, d).
         """
         v = np.where(self.held & np.isnan(v), self.displacement, v)
         missing = np.isnan(v).ravel()
@@ -237,8 +242,8 @@ class SolutionOnMesh:
         return of_unknowns[:, self.unknowns.ravel()]
 
     def tractions(self, v: Array) -> tuple[Tractions | None, Array]:
-        """Return the tractions at the contact points of a displacement, None without contact, and
-        the forces at nodes that they leave unbalanced, shape (n, d).
+        """Return the contact tractions of a displacement, None without contact, and the nodal
+        forces that they leave unbalanced, shape (n, d).
         """
         left = -(self.stiffness @ (v - self.displacement).ravel())
         state = self.solution.contact
@@ -260,8 +265,11 @@ class SolutionOnMesh:
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
     def unbalanced(self, left: Array) -> tuple[float, int]:
-        """Return how far a displacement with unbalanced forces at nodes, shape (n, d), is from
-        equilibrium in the energy norm where nothing touches, and the worst node.
+        """Return how far a displacement is from equilibrium outside contact, in the energy norm,
+        and the worst node.
+
+        Args:
+            left: unbalanced forces at the nodes, shape (n, d).
         """
         inside = ~self.held.ravel()
         inside[self.points_of_contact.nonzero()[1]] = False
@@ -276,8 +284,8 @@ class SolutionOnMesh:
         return float(np.sqrt(works.sum())), int(np.bincount(rows // left.shape[1], works).argmax())
 
     def moved_alone(self, v: Array, enough: float) -> list[int]:
-        """Return one or two nodes without which a displacement is at most ``enough`` from ours;
-        none: there are no such nodes.
+        """Return one or two nodes without which a displacement is at most ``enough`` from ours, and
+        [] if there are none.
         """
         dim = v.shape[1]
         nodes = list[int]()
@@ -315,7 +323,9 @@ class SolutionOnMesh:
         )
 
     def force(self, tractions: Tractions | None = None) -> float:
-        """Return the sum of the pressures at the contact points, force; ours without tractions."""
+        """Return the sum of the pressures times areas at the contact points, a force; that of our
+        solution without tractions.
+        """
         contact = self.solution.contact
         assert contact is not None
         return float(contact.boundary.weight @ (tractions or Tractions.of(contact)).pressure)
