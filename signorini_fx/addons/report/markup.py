@@ -1,5 +1,5 @@
-"""Parts of the page, from the templates: what is no markup is escaped, and loses its control
-characters.
+"""Parts of the report page, made from templates.  Text that is no markup is escaped and loses its
+control characters.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ def _templates() -> Environment:
 
 
 def rendered(name: str, /, **values: Any) -> Markup:
-    """Return a template with its values."""
+    """Return a template rendered with values."""
     return Markup(_templates().get_template(f"{name}.html").render(values).strip())
 
 
 def part(name: str, *values: Any) -> Markup:
-    """Return a macro of ``parts.html`` with its arguments."""
+    """Return a macro of ``parts.html`` rendered with its arguments."""
     return Markup(getattr(_templates().get_template("parts.html").module, name)(*values))
 
 
 def joined(parts: Iterable[Markup]) -> Markup:
-    """Return the parts one after the other."""
+    """Return the parts concatenated."""
     return Markup("").join(parts)
 
 
 def shown(value: Any) -> str:
-    """Return a value of a table."""
+    """Return a value as the text of a table cell."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, bool | np.bool_):
@@ -91,8 +91,8 @@ _POWERS = str.maketrans(
 
 
 def in_text(text: str) -> str:
-    """Text whose numbers have powers of ten that no line break tears apart: 2.8e-08 is 2.8 times 10
-    to the -8.
+    """Return a text with its numbers in powers of ten that no line break divides: 2.8e-08 becomes
+    2.8 times 10 to the -8.
     """
 
     def power(match: re.Match[str]) -> str:
@@ -103,7 +103,7 @@ def in_text(text: str) -> str:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is a number, or missing among numbers."""
+    """Return whether a value is a number, or None in a column of numbers."""
     return value is None or (
         isinstance(value, int | float | np.number) and not isinstance(value, bool)
     )
@@ -128,14 +128,12 @@ def table(
 
 
 def folded(title: str, *parts: str) -> Markup:
-    """Return what is shown on demand only, and not printed."""
+    """Return parts that are shown on demand only, and not printed."""
     return part("folded", title, parts)
 
 
 def picture(data: bytes, alternative: str, caption: str) -> Markup:
-    """Return a PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it
-    can be read.
-    """
+    """Return a PNG file embedded in the page; a broad one can be scrolled on a narrow screen."""
     width, height = struct.unpack(">II", data[16:24])
     source = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
     return part("picture", source, alternative, caption, width > BROAD_PICTURE * height)

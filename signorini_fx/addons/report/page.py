@@ -1,8 +1,8 @@
-"""A result folder as one page of HTML that needs no network and no other file; it can be read
-without scripts too.
+"""The report of a result folder: one page of HTML that needs no network, no other file and no
+scripts.
 
 It is made from the files of ``solve``, without dolfinx, and has the pictures that ``solve`` drew.
-What was found comes first, what stands behind it after that.
+Results come first, then their checks and how they were computed.
 """
 
 from __future__ import annotations
@@ -35,9 +35,11 @@ _MADE_BY = '<meta name="generator" content="signorini_fx'
 
 
 def page(folder: Path, only: Sequence[str] = ()) -> str:
-    """Return the report of a result folder.
+    """Return the report of a result folder as HTML.
 
-    ``only``: the chapters that it has; (): all of them.
+    Args:
+        folder: the result folder.
+        only: its chapters; () for all.
 
     Raises:
         ResultError: it is not a result folder, or it is incomplete.
@@ -136,15 +138,15 @@ def write_report(
 
     Args:
         folder: the result folder that ``solve`` wrote.
-        file: the page; None: ``report.html`` in the folder.
-        only: the chapters that it has; (): all of them.
+        file: the page; None for ``report.html`` in the folder.
+        only: its chapters; () for all.
 
     Returns:
         The file.
 
     Raises:
         ResultError: the folder is not a result folder, or it is incomplete.
-        OutputError: the page cannot be written, or a file is in the way that is no such page.
+        OutputError: the page cannot be written, or a file of this name exists and is no report.
     """
     folder = Path(folder)
     text = page(folder, only)

@@ -1,5 +1,5 @@
-"""The sections of the page: outcome, pictures, figures, load steps; then how they were found, and
-the certificate.
+"""The sections of the report page: outcome, pictures, figures, load steps, certificate, and how the
+results were computed.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
 
 
 def outcome(summary: Summary, folder: Path) -> Markup:
-    """Status, verdict of the certificate, what ``solve`` prints beside the picture of the body,
-    with what accuracy costs below that, and warnings.
+    """Return the first section: status, verdict of the certificate, the lines that ``solve`` prints
+    beside the picture of the body, errors and costs, and warnings.
     """
     validity = validity_of(summary)
     verdict = (
@@ -89,14 +89,12 @@ def outcome(summary: Summary, folder: Path) -> Markup:
 
 
 def done(summary: Summary) -> str:
-    """Return what was done with the scene, in a word."""
+    """Return "solved" or "tried"."""
     return "solved" if was_solved(summary) else "tried"
 
 
 def no_result(summary: Summary) -> str:
-    """Return the state that figures and pictures belong to if it is no solution; an empty string if
-    it is one.
-    """
+    """Return what state figures and pictures show if it is no solution, and "" if it is one."""
     if validity_of(summary).solved:
         return ""
     holds = summary["certificate"]["holds"]
@@ -108,7 +106,7 @@ def no_result(summary: Summary) -> str:
 
 
 def figures(summary: Summary) -> Markup:
-    """Return the results that ``--verbose`` prints beside those of the outcome."""
+    """Return the results that ``--verbose`` prints in addition to those of the outcome."""
     lines = [
         line for shown in all_shown() if not shown.brief for line in shown_lines(shown, summary)
     ]
@@ -117,7 +115,7 @@ def figures(summary: Summary) -> Markup:
 
 
 def _note(summary: Summary) -> str:
-    """Return what the forces are, and the units."""
+    """Return a note on the sign of forces and moments, and on the units."""
     who, body = _sides(summary)
     forms = "forms" in summary["scene"]  # their measure says what is integrated
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
@@ -133,7 +131,7 @@ def _note(summary: Summary) -> str:
 
 
 def _sides(summary: Summary) -> tuple[str, str]:
-    """Return what exerts the forces of contacts, and on what."""
+    """Return which body exerts contact forces, and on which, in words."""
     kinds = {bool(entry.get("against")) for entry in summary["scene"].get("contact", ())}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
     return who.get(
@@ -142,7 +140,7 @@ def _sides(summary: Summary) -> tuple[str, str]:
 
 
 def _warnings(summary: Summary) -> list[dict[str, Any]]:
-    """About the scene and the result."""
+    """Return the warnings about the scene and the result that the advice does not contain."""
     warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
     warnings = [finding for finding in warned if finding["message"] not in summary["advice"]]
     return [{**finding, "message": in_text(finding["message"])} for finding in warnings]
@@ -161,7 +159,7 @@ _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foun
 
 
 def _drawn(folder: Path, file: str, alternative: str, caption: str) -> Markup:
-    """Return a picture that solve drew; nothing if it drew none."""
+    """Return a picture that ``solve`` drew, or nothing if it drew none."""
     drawn = folder / file
     return picture(drawn.read_bytes(), alternative, caption) if drawn.is_file() else Markup("")
 
@@ -187,7 +185,7 @@ def _overview(summary: Summary, folder: Path) -> Markup:
 
 
 def further_pictures(folder: Path) -> Markup:
-    """Return the pictures of other fields that were asked for."""
+    """Return the pictures of other fields that were requested."""
     further = list[Markup]()
     for name, field in FIELDS.items():
         caption = f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}."
@@ -196,8 +194,8 @@ def further_pictures(folder: Path) -> Markup:
 
 
 def contact(summary: Summary, folder: Path) -> Markup:
-    """Return the picture of the contact boundary: curves in 2D, the surface in 3D, and its
-    signs.
+    """Return the picture of the contact boundary, curves in 2D and the surface in 3D, with its sign
+    conventions.
     """
     if summary["dimension"] == 3:
         caption = (
@@ -226,7 +224,7 @@ def contact(summary: Summary, folder: Path) -> Markup:
 
 
 def steps(steps: Columns, summary: Summary, folder: Path) -> Markup:
-    """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
+    """Return the pictures of the load steps, and their table, the columns of ``steps.csv``."""
     who, whom = _sides(summary)
     caption = (
         f"Forces of {who} on {whom}, and of friction; where they balance each other, "
@@ -239,7 +237,9 @@ def steps(steps: Columns, summary: Summary, folder: Path) -> Markup:
 
 
 def certificate(summary: Summary) -> Markup:
-    """Every figure of the certificate beside its limit."""
+    """Return the verdict of the certificate, every figure with its limit, and the
+    guaranteed error.
+    """
     rows = []
     classes = []
     for name, value in summary["certificate"].items():
@@ -287,7 +287,7 @@ _ELSEWHERE = {"title", "incomplete", "units", "solver", "accuracy"}
 
 
 def scene(summary: Summary) -> Markup:
-    """Return the tables of the scene, the method, and the scene as JSON."""
+    """Return the entries of the scene as a table, the method, and the scene as JSON."""
     scene = summary["scene"]
     rows = list[tuple[str, str]]()
     for key, section in scene.items():
@@ -317,7 +317,7 @@ def scene(summary: Summary) -> Markup:
 
 
 def convergence_table(rows: list[dict[str, Any]]) -> Markup:
-    """Estimated errors and costs of each mesh."""
+    """Return estimated errors and costs of each mesh as a table."""
     names = [
         "h",
         "dofs",
@@ -353,12 +353,12 @@ def convergence_table(rows: list[dict[str, Any]]) -> Markup:
 
 
 def _two_digits(value: float | None) -> float | str | None:
-    """Return an estimate with the digits that it has."""
+    """Return an estimate rounded to two digits."""
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
 def history(summary: Summary) -> Markup:
-    """Return how many linear solves it took, and what happened on demand."""
+    """Return the number of linear solves, and the events, which are shown on demand."""
     effort = (
         f"{summary['algorithm']}: {effort_in_words(summary)}; history.csv has a row for each solve."
     )
@@ -369,7 +369,7 @@ def history(summary: Summary) -> Markup:
 
 
 def made_with(summary: Summary) -> Markup:
-    """When and with what: date, versions, ranks and times."""
+    """Return date, versions, ranks and times of the solve."""
     versions = summary["versions"]
     when = done(summary).capitalize()
     if "finished" in summary:

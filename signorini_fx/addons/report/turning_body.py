@@ -1,5 +1,7 @@
-"""The deformed body on a page, which a pointer turns: its surface with the fields of all load
-steps, from the files that ``solve`` wrote.  ``turning_body.js`` draws it.
+"""The deformed body on a page, which can be turned with the pointer.
+
+It has the surface with the fields of all load steps, from the files that ``solve`` wrote.
+``turning_body.js`` draws it.
 """
 
 from __future__ import annotations
@@ -43,9 +45,7 @@ _NUMBERS = {"Float64": np.float64, "Int64": np.int64, "UInt8": np.uint8}
 
 
 def turning_body(summary: Summary, folder: Path) -> Markup:
-    """Return the body that turns; nothing where there are no fields, or the surface is too
-    large.
-    """
+    """Return the body to turn, or nothing if there are no fields or the surface is too large."""
     files = _files(folder)
     if not files:
         return Markup("")
@@ -90,8 +90,8 @@ def _turning(body: Mapping[str, Any]) -> Markup:
 
 
 def turning_mesh(mesh: MeshArrays) -> Markup:
-    """Return the surface of a mesh in 3D that turns, whose boundaries are named under the
-    pointer.
+    """Return the surface of a mesh in 3D to turn; the name of the boundary under the pointer is
+    shown.
     """
     outer = len(mesh.facets) - mesh.inner
     face = np.zeros(outer, dtype=np.int64)
@@ -154,8 +154,11 @@ def _grid_of(path: Path) -> dict[str, Array]:
 
 
 def _vertices(points: Array, cells: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return a point of the file for each corner of the mesh, which has one of its own in each
-    cell; all points at corners with the numbers of these; and the corners of each cell.
+    """Return the corners of the mesh, at which each cell of the file has its own point.
+
+    Returns:
+        One point of the file for each corner; all points of the file at corners with the number of
+        the corner, shape (k, 2); and the corners of each cell.
     """
     at = cells.ravel()
     size = float(np.ptp(points, axis=0).max()) or 1.0
@@ -166,7 +169,7 @@ def _vertices(points: Array, cells: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _sides(vertices: Ints, facets: tuple[tuple[int, ...], ...], *, plane: bool) -> Ints:
-    """Return the facets that belong to one cell alone; in a plane all cells."""
+    """Return the facets that belong to one cell only; in 2D all cells."""
     every = np.concatenate([vertices[:, list(facet)] for facet in facets])
     if plane:
         return every
@@ -183,8 +186,8 @@ def _fields_of(
     points: Array,
     contact: Mapping[str, Array] | None,
 ) -> dict[str, Any]:
-    """Displacement and fields at the corners of the surface in a load step: means over the cells
-    around each.
+    """Return displacement and fields at the corners of the surface in a load step, averaged over
+    the cells at each corner.
     """
     at, corner = numbers.T
     count = np.bincount(corner)
@@ -212,7 +215,9 @@ def _fields_of(
 
 
 def _at_contact(points: Array, contact: Mapping[str, Array], values: Array) -> Array:
-    """Return sizes of values of a table of contact at points, shape (n,); elsewhere none."""
+    """Return the magnitudes of values of a contact table at points, shape (n,), and nan
+    elsewhere.
+    """
     places = np.column_stack([contact[axis] for axis in "xyz"])
     unit = (float(np.ptp(points, axis=0).max()) or 1.0) * SAME_LENGTH
     distance, nearest = cKDTree(places).query(points)
@@ -220,7 +225,7 @@ def _at_contact(points: Array, contact: Mapping[str, Array], values: Array) -> A
 
 
 def _contact_tables(folder: Path) -> dict[int, dict[str, Array]]:
-    """Return the tables of contact by the numbers of load steps; 0: there is one step."""
+    """Return the contact tables by number of the load step; the number is 0 for a single step."""
     if (folder / "contact_steps.csv").is_file():
         every = read_csv(folder / "contact_steps.csv")
         numbers = every["step"].astype(int)
@@ -232,5 +237,5 @@ def _contact_tables(folder: Path) -> dict[int, dict[str, Array]]:
 
 
 def _packed(values: Array, kind: type[np.generic] = np.float32) -> str:
-    """Return numbers of a kind in base64."""
+    """Return an array converted to a number type, encoded in base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
