@@ -1,5 +1,5 @@
-"""The report of a result folder: one page of HTML that needs no network, no other file and no
-scripts.
+"""The report of a result folder: one page of HTML that needs no network and no other file, and can
+be read without scripts.
 
 It is made from the files of ``solve``, without dolfinx, and has the pictures that ``solve`` drew.
 Results come first, then their checks and how they were computed.
