@@ -1,4 +1,4 @@
-"""The body with its result as plain arrays, from which its pictures are drawn."""
+"""The body with its result as plain arrays, from which pictures are drawn."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from signorini_fx.tuned import SAME_LENGTH
 @dataclass(frozen=True, eq=False)
 class Tiling:
     """Points of a triangle or a quadrilateral, and triangles between them, on each of which a field
-    is linear.
+    is drawn as linear.
     """
 
     # in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in
@@ -28,7 +28,7 @@ class Tiling:
 
     @property
     def rim(self) -> int:
-        """How many points are along the perimeter."""
+        """The number of points along the perimeter."""
         return self.corners * self.count
 
     @property
@@ -37,7 +37,7 @@ class Tiling:
         return np.arange(self.corners) * self.count
 
     def within(self, first: Array, second: Array, last: Array) -> Array:
-        """Return the points in a flat cell without curved sides, given by corners of shape (d,):
+        """Return the points in a flat cell with straight sides, given by three of its corners,
         shape (p, d).
         """
         s, t = self.points.T[:, :, None]
@@ -46,10 +46,11 @@ class Tiling:
 
 @lru_cache
 def tiling(corners: int, count: int) -> Tiling:
-    """Return a triangle (3) or a quadrilateral (4) whose sides have ``count`` pieces each.
+    """Return the tiling of a triangle (3) or a quadrilateral (4) whose sides have ``count`` pieces
+    each.
 
-    A quadrilateral is divided like a chessboard and each field cut at its middle: diagonals would
-    make the picture of a symmetric field unsymmetric.
+    A quadrilateral is divided like a chessboard and each square is cut through its middle: single
+    diagonals would make the picture of a symmetric field unsymmetric.
     """
     base = np.array(
         [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][:corners]
@@ -80,7 +81,7 @@ def tiling(corners: int, count: int) -> Tiling:
 
 @dataclass(frozen=True)
 class DrawnBody:
-    """The cells of a body in 2D, or the outer facets of one in 3D."""
+    """The cells of a body in 2D, or the outer facets of a body in 3D."""
 
     points: Array  # positions, length, shape (n, d); in 2D each cell has its own
     # points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as
@@ -99,8 +100,8 @@ class DrawnBody:
     )
 
     def with_mirror_image(self) -> DrawnBody:
-        """Return the section of an axisymmetric body with that on the other side of the axis, which
-        is x[0] = 0.
+        """Return the section of an axisymmetric body together with its mirror image on the other
+        side of the axis x[0] = 0.
         """
         assert self.outline is not None
         size = float(np.ptp(self.points, axis=0).max())
@@ -126,7 +127,7 @@ class DrawnBody:
 
     @property
     def triangles(self) -> Ints:
-        """The points of the triangles that all cells or facets are divided into, shape (t, 3)."""
+        """The points of the triangles of all cells or facets, shape (t, 3)."""
         return self.within[:, self.tiles.triangles].reshape(-1, 3)
 
     def at_corners(self, field: str) -> Array:
@@ -135,20 +136,20 @@ class DrawnBody:
 
     @property
     def size(self) -> float:
-        """Return the diagonal of the body, length."""
+        """The diagonal of the body, length."""
         return diagonal(self.points) if len(self.points) else 0.0
 
     def moved(self, factor: float) -> Array:
-        """Return the points with the displacement times a factor; a failed solve may have left
-        anything behind.
+        """Return the points with the displacement times a factor; points without a finite
+        displacement, as after a failed solve, stay.
         """
         moved = self.points + factor * self.displacement
         return np.where(np.isfinite(moved), moved, self.points)
 
 
 def normals_of(corners: Array) -> Array:
-    """Return normals of polygons by the order of their corners, as long as their areas, shape (m,
-    3).
+    """Return normals of polygons, as long as their areas, shape (m, 3); their sign follows the
+    order of the corners.
     """
     corners = corners - corners.mean(axis=1, keepdims=True)
     return 0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)

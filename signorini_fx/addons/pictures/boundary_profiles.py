@@ -59,7 +59,7 @@ _FEWEST = 5  # nodes of a part of it that is drawn alone: the curves of fewer ar
 
 @dataclass(frozen=True)
 class ContactColumns:
-    """A contact boundary by its name, with its columns of ``contact.csv``, each of shape (n,)."""
+    """A contact boundary with its name and its columns of ``contact.csv``, each of shape (n,)."""
 
     name: str
     columns: Columns
@@ -69,27 +69,25 @@ class ContactColumns:
         return np.asarray(self.columns[name], dtype=np.float64)
 
     def vectors(self, begin: str) -> Array:
-        """Return columns of which the names end with an axis, shape (n, d)."""
+        """Return the columns whose names are ``begin`` and an axis, as vectors, shape (n, d)."""
         return np.column_stack(
             [self.floats(f"{begin}{axis}") for axis in "xyz" if f"{begin}{axis}" in self.columns]
         )
 
     @property
     def has_friction(self) -> bool:
-        """Whether a friction law acts anywhere on it."""
+        """Whether a friction law acts anywhere on the boundary."""
         return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
 
     @property
     def out_of_section(self) -> bool:
-        """Whether its tangential vectors have a part around the axis of the body, of which it is
+        """Whether tangential vectors have a component around the axis of the body, of which this is
         the section.
         """
         return "shear_z" in self.columns and "s" in self.columns
 
     def along(self, name: str) -> Array:
-        """Return a tangential vector along t = (-n_y, n_x); its part in the section where there is
-        another one.
-        """
+        """Return the component of a tangential vector along t = (-n_y, n_x)."""
         if not self.out_of_section:
             return self.floats(name)
         parts = ((f"{name}_x", -self.floats("n_y")), (f"{name}_y", self.floats("n_x")))
@@ -97,28 +95,30 @@ class ContactColumns:
 
     @property
     def against(self) -> str:
-        """The boundary of another body that it may touch; empty: a rigid foundation."""
+        """The boundary of another body that it may touch; "" for a rigid foundation."""
         return str(self.columns["against"][0]) if "against" in self.columns else ""
 
     @property
     def touching(self) -> Flags:
-        """The nodes in contact, shape (n,)."""
+        """Which nodes are in contact, shape (n,)."""
         return self.columns["state"] != "open"
 
     @property
     def states(self) -> list[str]:
-        """Keys of ``STATES``, n of them: the state in the contact.
+        """The state of each node as a key of ``STATES``, "open" outside contact.
 
-        Tresca friction acts on open nodes too, where stick and slip would only confuse.
+        Tresca friction acts on open nodes too, where stick and slip would be misleading.
         """
         closed = np.where(self.columns["friction"] != "none", self.columns["state"], "contact")
         return [str(key) for key in np.where(self.touching, closed, "open")]
 
 
 def by_boundary(table: Columns, polygons: Ints) -> Iterator[tuple[ContactColumns, Ints]]:
-    """Each contact boundary in 3D with its polygons.
+    """Yield each contact boundary in 3D with its polygons.
 
-    ``polygons``: rows of the table, shape (m, k).
+    Args:
+        table: columns of ``contact.csv``.
+        polygons: rows of the table at the corners of each polygon, shape (m, k).
     """
     names = table["boundary"]
     for name in dict.fromkeys(map(str, names)):
@@ -131,8 +131,8 @@ def by_boundary(table: Columns, polygons: Ints) -> Iterator[tuple[ContactColumns
 
 @dataclass(frozen=True)
 class PlaneBoundary(ContactColumns):
-    """A boundary in 2D: the coordinate to draw against, its label, and where its connected pieces
-    start.
+    """A boundary in 2D with the coordinate to draw against, its label, and the rows where connected
+    pieces start.
     """
 
     coordinate: Array
@@ -140,7 +140,7 @@ class PlaneBoundary(ContactColumns):
     starts: list[int]
 
     def draw(self, axes: Axes, values: Array, **style: Any) -> None:
-        """A line that is interrupted between the pieces."""
+        """Draw values as a line that is interrupted between the pieces."""
         axes.plot(
             np.insert(self.coordinate, self.starts[1:], np.nan),
             np.insert(values, self.starts[1:], np.nan),
@@ -148,7 +148,9 @@ class PlaneBoundary(ContactColumns):
         )
 
     def at(self, rows: Ints) -> PlaneBoundary:
-        """Some nodes, which are connected where they are neighbours."""
+        """Return the boundary with some of its nodes, which are connected where they are
+        neighbours.
+        """
         piece = np.searchsorted(self.starts, rows, side="right")
         apart = (np.abs(np.diff(rows)) > 1) | (np.diff(piece) != 0)
         columns = {key: column[rows] for key, column in self.columns.items()}
@@ -156,8 +158,8 @@ class PlaneBoundary(ContactColumns):
         return replace(self, columns=columns, coordinate=self.coordinate[rows], starts=starts)
 
     def near(self) -> PlaneBoundary:
-        """Return the nodes around those in contact, if these are on a small part of the whole; else
-        all of them.
+        """Return the boundary around its nodes in contact if these cover a small part of it,
+        otherwise the whole boundary.
         """
         x = self.coordinate
         inside = x[self.touching]
@@ -193,7 +195,7 @@ class Panel:
     least: float = 0.0  # what the axis shows at least, so that round-off looks like zero
 
     def draw(self, axes: Axes, boundary: PlaneBoundary, name: str) -> None:
-        """Draw the profiles, with the name of the boundary above them if it has one."""
+        """Draw the curves, with the name of the boundary above them if it has one."""
         power = decimal_power(
             max(min(largest_of(*(curve[1] for curve in self.curves)), self.reach), self.least)
         )
@@ -234,7 +236,7 @@ class Panel:
 
 
 def draw_pressures(axes: Axes, boundaries: Sequence[PlaneBoundary]) -> None:
-    """The contact pressure along several boundaries, with a legend of their names."""
+    """Draw the contact pressure along several boundaries, with a legend of their names."""
     pressures = [boundary.floats("pressure") for boundary in boundaries]
     power = decimal_power(largest_of(*pressures))
     colours = cycle((INK, BLUE, ORANGE, MUTED))
@@ -249,10 +251,12 @@ def draw_pressures(axes: Axes, boundaries: Sequence[PlaneBoundary]) -> None:
 
 
 def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
-    """Return the stresses and lengths that are drawn of a boundary.
+    """Return the panels of stresses and of lengths for a boundary.
 
-    ``side``: ``contact``, pressure, normal displacement and gap; ``friction``, shear, its bounds,
-        tangential displacement.
+    Args:
+        boundary: the boundary.
+        side: ``contact`` for pressure, normal displacement and gap; ``friction`` for shear, its
+            bounds and tangential displacement.
     """
     moves = "relative " if boundary.against else ""
     if side == "contact":
@@ -290,11 +294,11 @@ def boundary_profiles(table: ContactTable) -> Figure:
     """Draw the curves along the contact boundary, one block per boundary.
 
     Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or
-    how far the other body is.  Right, with friction: shear stress mu with its bounds, and below it
-    the tangential displacement; where there is one also around the axis.  Foundation and bounds are
-    cut off where they lie far beyond the other curves. The strip shows the state of the contact.
-    If little of a boundary is in contact, only the surroundings of that part are drawn, and the
-    coordinate says so.
+    the distance of the other body.  Right, with friction: shear stress mu with its bounds, and
+    below it the tangential displacement, for torsion also around the axis.  Foundation and bounds
+    are cut off where they lie far beyond the other curves. The strip shows the state of the
+    contact. If little of a boundary is in contact, only the surroundings of that part are drawn,
+    which the label of the coordinate states.
     """
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
     rubs = any(boundary.has_friction for boundary in boundaries)
@@ -332,7 +336,7 @@ def boundary_profiles(table: ContactTable) -> Figure:
 
 
 def state_legend(figure: Figure, states: set[str]) -> None:
-    """The states that occur, in a fixed order, below a figure."""
+    """Draw a legend of the states that occur, in a fixed order, below a figure."""
     patches = [
         Patch(facecolor=color, edgecolor=MUTED, linewidth=0.5, label=label)
         for state, (color, label) in STATES.items()
@@ -363,8 +367,8 @@ def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
 
 
 def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
-    """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one
-    rectangle.
+    """Draw the state of the boundary as a coloured strip: each node colours it up to halfway to its
+    neighbours, and nodes of equal state share a rectangle.
     """
     states = boundary.states
     for first, end in pairwise([*boundary.starts, len(states)]):

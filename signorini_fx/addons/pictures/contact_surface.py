@@ -1,6 +1,4 @@
-"""The contact surface of a body in 3D, seen along its normal: pressure and shear, states and
-slip.
-"""
+"""The contact surface of a body in 3D, seen along its normal: pressure, shear, states and slip."""
 
 from __future__ import annotations
 
@@ -59,7 +57,7 @@ _LONG_NAME = 40  # letters of the name of a boundary behind which its title goes
 
 @dataclass(frozen=True)
 class VisibleSide(ContactColumns):
-    """The visible part of one contact boundary from one side."""
+    """The part of one contact boundary that is visible from one side."""
 
     # of its facets that face the foundation along the direction of sight, rows of ``columns``, (m,
     # 3 or 4)
@@ -67,28 +65,28 @@ class VisibleSide(ContactColumns):
     view: view.View  # along the outward normal, so from within the body
 
     def flat(self, begin: str) -> Array:
-        """Return vectors at the nodes, in the picture, shape (n, 2)."""
+        """Return vectors at the nodes, projected onto the picture, shape (n, 2)."""
         return self.view.flat(self.vectors(begin))
 
     @property
     def nodes(self) -> Array:
-        """Nodes in the picture, shape (n, 2)."""
+        """Positions of the nodes in the picture, shape (n, 2)."""
         return self.flat("")
 
     @property
     def shown(self) -> Flags:
-        """Nodes of the polygons, shape (n,)."""
+        """Which nodes belong to the polygons, shape (n,)."""
         seen = np.zeros(len(self.columns["x"]), dtype=bool)
         seen[self.polygons.ravel()] = True
         return seen
 
 
 def sides_of(table: Columns, facets: Ints) -> list[VisibleSide]:
-    """Return the contact boundaries in their order, each as seen along the mean normal of the
+    """Return the contact boundaries in their order, each as seen along the mean normal of its
     facets in contact.
 
-    A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is
-    seen from a second side as well, if anything is in contact there.
+    If parts of a curved boundary face the other way, as on the wall of a hole, it is seen from a
+    second side as well, provided anything is in contact there.
     """
     polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
     sides = []
@@ -114,13 +112,15 @@ def sides_of(table: Columns, facets: Ints) -> list[VisibleSide]:
 def contact_surface(table: Columns, facets: Ints) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
-    Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear
-    stress mu as arrows.
-    Beside it: the state of each node in the area halfway to its neighbours, and the slip as arrows,
-    magnified as stated in the panel.  If there are many arrows, some are left out.  If little of
-    the boundary is in contact, the picture shows that part, and says so.  Without friction: only
-    pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each facet in the
-    order of VTK, shape (m, 3), (m, 4) or (m, 9).
+    Contact pressure is shown in colour where a facet is in contact, linear between the nodes, and
+    the shear stress mu by arrows. Beside it are the state of each node in the area halfway to its
+    neighbours, and the slip as arrows, magnified as stated in the panel.  If there are many arrows,
+    some are left out.  If little of the boundary is in contact, the picture shows that part, and
+    says so.  Without friction only the pressure is drawn.
+
+    Args:
+        table: columns of ``contact.csv``.
+        facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
     """
     every = [side for side in sides_of(table, facets) if side.polygons.size]
     closed = [bool(side.touching[side.shown].any()) for side in every]
@@ -159,8 +159,8 @@ def contact_surface(table: Columns, facets: Ints) -> Figure:
 
 
 def _window(side: VisibleSide) -> tuple[Array, Array, bool]:
-    """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part
-    of the boundary.
+    """Return the lower and upper corner of the visible part, each of shape (2,), and whether it is
+    only a part of the boundary.
     """
     visible = side.nodes[side.shown]
     low = visible.min(axis=0)
@@ -181,12 +181,12 @@ def _window(side: VisibleSide) -> tuple[Array, Array, bool]:
 
 
 def _size(low: Array, high: Array) -> float:
-    """Length of the longer side."""
+    """Return the length of the longer side."""
     return float(np.max(high - low))
 
 
 def _frame(axes: Axes, side: VisibleSide, low: Array, high: Array) -> None:
-    """Equal axes with the coordinates in 3D."""
+    """Set up equal axes, labelled with the coordinates in 3D."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
         label, falls = view.coordinate(direction)
@@ -290,14 +290,14 @@ def _state_panel(axes: Axes, side: VisibleSide, low: Array, high: Array, heading
 
 
 def _rim(side: VisibleSide) -> LineCollection:
-    """Return the lines where the boundary ends."""
+    """Return the lines where the contact boundary ends."""
     edges = side.nodes[view.outline(side.nodes, side.polygons)]
     return LineCollection(list(edges), colors=MUTED, linewidths=0.8, zorder=3)
 
 
 def _triangles(polygons: Ints, nodes: Array, values: Array) -> tuple[Array, Ints, Array]:
-    """Points, triangles and values; quadrilaterals are cut at their middle, as a diagonal would not
-    be symmetric.
+    """Return points, triangles and values of polygons; quadrilaterals are cut through their middle,
+    because a diagonal would not be symmetric.
     """
     if polygons.shape[1] == 3:
         return nodes, polygons, values
@@ -308,8 +308,8 @@ def _triangles(polygons: Ints, nodes: Array, values: Array) -> tuple[Array, Ints
 
 
 def _around_nodes(nodes: Array, polygons: Ints) -> tuple[Array, Ints]:
-    """Return each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the
-    node of each.
+    """Return each polygon cut into one quadrilateral for each of its nodes, shape (., 4, 2), and
+    the node of each.
     """
     corners = nodes[polygons]
     ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
@@ -327,8 +327,10 @@ def _arrows(
     high: Array,
     factor: float | None = None,
 ) -> float:
-    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room
-    for the longest.
+    """Draw vectors at the nodes ``where``, times a factor, and return the length of the longest
+    one.
+
+    Without a factor the longest arrow gets the length that fits the picture.
     """
     inside = np.all((side.nodes >= low) & (side.nodes <= high), axis=1) & np.isfinite(vectors).all(
         axis=1

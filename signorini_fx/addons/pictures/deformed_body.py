@@ -1,4 +1,4 @@
-"""The deformed body in 2D on its foundation, a field in colours."""
+"""The deformed body in 2D on its foundation, with a field in colours."""
 
 from __future__ import annotations
 
@@ -42,14 +42,15 @@ def deformed_mesh(
     largest: Largest | None = None,
     pressed: Sequence[PlaneBoundary] = (),
 ) -> tuple[Figure, str]:
-    """Draw the deformed mesh on its foundation, a field in colours; and say what is magnified.
-    Below it is the pressure along contact boundaries that are ``pressed``.
+    """Draw the deformed mesh on its foundation with a field in colours; return the figure, and what
+    is magnified, in words.
 
-    Where contact is on a small part of the body, a second panel shows that part as it is.  Colours
-    vary within each cell, and jump between cells only where the values do.  The edges of the cells
-    are drawn if the mesh is coarse enough to see them; the body's outline always is.  A circle
-    marks the largest value, and a gray line is the outline of the undeformed body, whose
-    coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
+    Below it is the pressure along the contact boundaries ``pressed``.  Where contact is on a small
+    part of the body, a second panel shows that part without magnification.  Colours vary within
+    each cell, and jump between cells only where the values do.  The edges of the cells are drawn if
+    the mesh is coarse enough to see them; the body's outline always is.  A circle marks the largest
+    value, and a gray line is the outline of the undeformed body, to which the coordinates at the
+    axes belong.  ``name`` is the name of the field in ``FIELDS``.
     """
     factor = magnification(body, foundations)
     seen = _window(body, factor, _lines(foundations, factor))
@@ -122,8 +123,8 @@ def draw_on_axes(axes: Axes, body: DrawnBody, name: str) -> None:
 
 
 def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None:
-    """Lowest and highest coordinates around what is in contact; None if that is no small part of
-    the body.
+    """Return the lowest and highest coordinates around the nodes in contact; None if these are not
+    on a small part of the body.
     """
     nodes = np.concatenate([np.empty((0, 2)), *(part.nodes[part.touching] for part in foundations)])
     low = nodes.min(axis=0, initial=np.inf)
@@ -135,8 +136,8 @@ def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None
 
 
 def _lines(foundations: Sequence[Foundation], factor: float) -> list[Array]:
-    """Return the rigid foundations, the body on the left of each line; the whole of one where
-    nothing is magnified.
+    """Return the lines of the rigid foundations, with the body on the left; the whole surface of a
+    shape if nothing is magnified.
     """
     lines: list[Array] = []
     for part in foundations:
@@ -146,9 +147,7 @@ def _lines(foundations: Sequence[Foundation], factor: float) -> list[Array]:
 
 
 def _window(body: DrawnBody, factor: float, lines: Sequence[Array]) -> Window:
-    """Return what is seen: the body, and a foundation that runs far away not much further than
-    that.
-    """
+    """Return the visible window: the body, and foundations up to a short distance from it."""
     points = np.concatenate((body.moved(factor), body.points))
     low = points.min(axis=0)
     high = points.max(axis=0)
@@ -165,9 +164,15 @@ def _window(body: DrawnBody, factor: float, lines: Sequence[Array]) -> Window:
 def _draw_body(
     axes: Axes, body: DrawnBody, name: str, tones: Tones, factor: float, *, inch: float
 ) -> None:
-    """The body in colours and its outlines.
+    """Draw the body in colours and its outlines.
 
-    ``inch``: how many a unit of length is.
+    Args:
+        axes: where to draw.
+        body: the body.
+        name: the field, in ``FIELDS``.
+        tones: the colour scale.
+        factor: magnification of the displacement.
+        inch: inches per unit of length.
     """
     assert body.outline is not None
     moved = body.moved(factor)
@@ -209,8 +214,8 @@ def _draw_body(
 
 
 def _refined(corners: Array, enough: int) -> Array:
-    """Triangles, linear between corners, cut into four until there are at least so many, shape (t,
-    3, ...).
+    """Return triangles cut into four repeatedly until there are ``enough``, shape (t, 3, ...);
+    values are linear between corners.
     """
     while 0 < len(corners) < enough:
         ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
@@ -220,7 +225,7 @@ def _refined(corners: Array, enough: int) -> Array:
 
 
 def _areas(corners: Array) -> Array:
-    """Return areas of polygons of shape (m, k, 2)."""
+    """Return the areas of polygons with corners of shape (m, k, 2)."""
     x = corners[..., 0]
     y = corners[..., 1]
     twice = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
@@ -228,7 +233,7 @@ def _areas(corners: Array) -> Array:
 
 
 def _draw_foundation(axes: Axes, line: Array, length: float) -> None:
-    """A line of shape (k, 2), with short strokes on its right; the body is on its left."""
+    """Draw a line of shape (k, 2) with short strokes on its right; the body is on its left."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
     if not along[-1] > 0:
         return

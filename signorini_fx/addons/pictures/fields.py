@@ -1,4 +1,4 @@
-"""The fields that can be drawn on the deformed body, and what each is called."""
+"""The fields that can be drawn on the deformed body, with their labels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Field:
 
     @property
     def in_words(self) -> str:
-        """The label as plain text, without the signs of formulas."""
+        """The label as plain text, without mathematical markup."""
         return self.label.replace("$", "").replace("_", "")
 
     def labelled(self, *, recovered: bool) -> Field:

@@ -1,4 +1,4 @@
-"""The foundation of a body, where it is and where it is drawn, and how much is magnified."""
+"""The foundation of a body as it is drawn, and the magnification of displacements."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ DrawnSurface = list[Array] | tuple[Array, Ints]
 
 @dataclass(frozen=True)
 class Foundation:
-    """A contact boundary and what it may touch; in 2D a connected part of it, the body on its
-    left.
+    """A contact boundary and the foundation or body that it may touch; in 2D a connected part of
+    it, with the body on its left.
     """
 
     nodes: Array  # positions of the contact nodes, length, in 2D in order, shape (k, d)
@@ -50,13 +50,15 @@ class Foundation:
     surface: Any = None
 
     def drawn(self, factor: float) -> Array:
-        """Return what is opposite of the nodes with the gap times a factor, shape (k, d)."""
+        """Return the points opposite the nodes, with the gap times a factor, shape (k, d)."""
         return self.nodes + factor * self.gap[:, None] * self.normals
 
     def keeps_shape(self, factor: float, size: float) -> bool:
-        """Return whether it looks like itself with the gap times a factor.
+        """Return whether the foundation keeps its shape when the gap is multiplied by a factor.
 
-        ``size``: of the body, length.
+        Args:
+            factor: the factor.
+            size: size of the body, length.
         """
         places = self.drawn(1.0), self.drawn(factor)
         if self.facets is None:  # along the sides
@@ -69,7 +71,7 @@ class Foundation:
 
     def mirrored(self) -> list[Foundation]:
         """Return the foundation in 2D with its image on the other side of the axis x[0] = 0, as one
-        line if it begins or ends there.
+        line if it begins or ends at the axis.
         """
         own = {name: getattr(self, name) for name in ("nodes", "normals", "gap", "touching")}
         # In the other order, so that the body is on the left.
@@ -100,11 +102,13 @@ def foundations_of(
     motions: Mapping[str, Callable[[Array], Array]],
     shapes: Mapping[str, DrawnSurface],
 ) -> list[Foundation]:
-    """Return what each contact boundary may touch, in 2D each connected part of it.
+    """Return the foundation or other body of each contact boundary, in 2D for each connected part
+    of it.
 
     Args:
         table: the contact boundary.
-        motions: how the rigid body of a boundary has moved at points of shape (n, d).
+        motions: for a boundary with a rigid body, a function from points of shape (n, d) to the
+            displacement of the rigid body there.
         shapes: the whole foundation of a boundary, see ``drawn_shapes``.
     """
     foundations = list[Foundation]()
@@ -124,8 +128,8 @@ def foundations_of(
 
 
 def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Ints | None]]:
-    """The boundaries in 3D with their facets, or the connected parts of those in 2D that have a
-    gap.
+    """Yield the boundaries in 3D with their facets, or in 2D the connected parts that have
+    a gap.
     """
     if table.facets is not None:
         yield from by_boundary(
@@ -148,11 +152,12 @@ def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
     """Return a factor that makes the displacement visible: the largest becomes about 8 % of the
     diagonal.
 
-    It is 1, 2 or 5 times a power of ten.  Two bodies that touch seem to be apart, or to overlap, by
-    at most 0.3 % of the diagonal.  It is 1 for a body that does not move but for round-off of its
-    size, or whose displacement is seen as it is, above 3 % of the diagonal; and where it would bend
-    a rigid foundation visibly, as under a disk on a plane: its gap is magnified alike, or the body
-    would seem to enter it.
+    It is 1, 2 or 5 times a power of ten.  Between two bodies that touch it shows a gap or an
+    overlap of at most 0.3 % of the diagonal.
+
+    It is 1 if the displacement is round-off, if it is visible without magnification, above 3 % of
+    the diagonal, and if it would bend a rigid foundation visibly, as under a disk on a plane: the
+    gap is magnified too, because otherwise the body would seem to enter the foundation.
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * body.size):
@@ -171,6 +176,6 @@ def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
 
 
 def magnified(foundations: Sequence[Foundation], factor: float) -> str:
-    """Return what is magnified, in words."""
+    """Return what is magnified and the factor, in words."""
     gap = " and gap" if factor != 1 and any(part.rigid for part in foundations) else ""
     return f"displacement{gap} {TIMES} {number(factor)}"

@@ -1,4 +1,4 @@
-"""The body of a solution as arrays for its picture, from all ranks on the first one."""
+"""The body of a solution as arrays for its picture, gathered from all ranks on the first one."""
 
 from __future__ import annotations
 
@@ -37,10 +37,15 @@ MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page meg
 
 
 def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | None:
-    """Return the cells of a body in 2D, or the outer facets of one in 3D, of all ranks on the first
-    one, and an empty body on the others; None if it is too large to be drawn; collective.
+    """Return the cells of a body in 2D, or the outer facets of a body in 3D, of all ranks;
+    collective.
 
-    ``fields``: names in ``FIELDS``.
+    The first rank gets them, the others an empty body.  Returns None if the body is too large to be
+    drawn.
+
+    Args:
+        solution: the solution.
+        fields: names in ``FIELDS``.
     """
     mesh = solution.model.tagged.mesh
     comm = solution.comm
@@ -112,8 +117,8 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
 
 
 def _joined(solution: Solution, columns: Array, cells: Indices) -> tuple[Array, Ints]:
-    """Return points of all ranks with displacements, and the rows of each facet; bodies that touch
-    share none; collective.
+    """Return the points of all ranks with displacements, each once, and the rows of each facet;
+    bodies that touch share no points; collective.
     """
     pieces = np.broadcast_to(
         solution.model.motions.pieces.of_cell[cells][:, None, None], (*columns.shape[:2], 1)
@@ -130,8 +135,8 @@ def _joined(solution: Solution, columns: Array, cells: Indices) -> tuple[Array, 
 
 
 def _pieces(solution: Solution, polygons: int) -> int:
-    """Return how many straight pieces a side of a deformed cell is drawn with: 1 if it stays
-    straight, or of very many.
+    """Return how many straight pieces are drawn for the side of a deformed cell: 1 if sides stay
+    straight, or if there are very many cells.
     """
     model = solution.model
     curved = (
@@ -148,8 +153,8 @@ def _positions(mesh: dmesh.Mesh, points: Array, cells: Indices) -> Array:
 
 
 def _values_at(function: fem.Function, points: Array, cells: Indices) -> Array:
-    """Return a function at reference points in cells of this rank, shape (cells, points,
-    components).
+    """Return the values of a function at reference points in cells of this rank, shape (cells,
+    points, components).
     """
     space = function.function_space
     basis = _basis(space.element.basix_element, points)
@@ -164,8 +169,9 @@ def _basis(element: FiniteElement, points: Array) -> Array:
 
 
 def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values], bool]:
-    """Return fields by name, and whether stresses are recovered: not of nonlinear materials, nor if
-    not finite; collective.
+    """Return fields by name, and whether stresses are recovered; collective.
+
+    They are not recovered for nonlinear materials, nor if the displacement is not finite.
     """
     known = solution.known_stress
     finite = not parallel.any_rank(

@@ -1,6 +1,4 @@
-"""Curves of several solves: the forces from load step to load step, and the errors from mesh to
-mesh.
-"""
+"""Curves over several solves: forces over load steps, and errors over meshes."""
 
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ _NOUGHT = 1e-6  # of the largest force: components below are zero up to round-of
 
 @dataclass(frozen=True)
 class _Curve:
-    """A column of the table, drawn over another one."""
+    """A column of a table, drawn over another one."""
 
     label: str
     over: Array
@@ -56,14 +54,17 @@ def load_steps(
     around: bool = False,
     between: Sequence[tuple[float, Mapping[str, float]]] = (),
 ) -> Figure:
-    """Draw the forces of the foundation on the body step by step, and below the largest component
-    of the friction force against the motion, or the torque of friction; of several boundaries the
-    largest components of each.  On a boundary that closes around a body forces balance each other:
-    there the integral of the pressure and the moment of friction. ``steps``: columns of
-    ``steps.csv``.
+    """Draw the forces of the foundation on the body over the load steps.
 
-    ``around``: whether the body is one of revolution, where radial forces cancel each other.
-    ``between``: times and figures of all time steps, of which energies are drawn where bodies move.
+    Below is the largest component of the friction force over the motion, or the torque of friction;
+    with several boundaries the largest components of each.  On a boundary that closes around a body
+    forces balance each other: there the integral of the pressure and the moment of friction are
+    drawn.
+
+    Args:
+        steps: columns of ``steps.csv``.
+        around: whether the body is axisymmetric, so that radial forces cancel.
+        between: times and figures of all time steps; their energies are drawn for dynamic problems.
     """
     solved = steps["status"] == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
@@ -107,7 +108,7 @@ def load_steps(
 
 
 def _energies(between: Sequence[tuple[float, Mapping[str, float]]]) -> list[_Curve]:
-    """Kinetic energy, that of the strains, and both."""
+    """Return the curves of kinetic energy, strain energy, and their sum."""
     rows = [(time, told) for time, told in between if "kinetic_energy" in told]
     times = np.array([time for time, _ in rows])
     kinetic, strain = (
@@ -118,7 +119,7 @@ def _energies(between: Sequence[tuple[float, Mapping[str, float]]]) -> list[_Cur
 
 
 def _columns(steps: Columns, kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
-    """Return the components of a quantity of a boundary over time."""
+    """Return the components of a quantity of a boundary over time, as curves."""
     words = {
         "friction_moment": "moment of friction",
         "pressure_integral": "integral of the pressure",
@@ -139,8 +140,8 @@ def _columns(steps: Columns, kind: str, axes: Sequence[str], end: str) -> list[_
 
 
 def _over_motion(steps: Columns, end: str, friction: Sequence[_Curve]) -> _Curve:
-    """Return the largest component of friction over the motion along it, in 2D along the boundary;
-    or the torque.
+    """Return the largest component of friction over the motion in its direction, in 2D along the
+    boundary; or the torque over the rotation.
     """
     name = "mean_tangential_displacement"
     if "torque" in steps:
@@ -162,7 +163,7 @@ def _largest(curves: Sequence[_Curve]) -> float:
 
 
 def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
-    """The curves of one panel, with a legend."""
+    """Draw the curves of one panel, with a legend."""
     shown = [curve for curve in curves if _size(curve) > _NOUGHT * _largest(curves)]
     power = decimal_power(_largest(shown))
     along = 0 if over == "time" else decimal_power(largest_of(*(curve.over for curve in shown)))
@@ -186,11 +187,12 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
 
 @mpl.rc_context(STYLE)
 def profiles_by_step(table: Columns, names: Sequence[str]) -> Figure:
-    """Draw what effects in time add to contact, such as wear, along the boundary that has the most
-    of it, after some of the load steps, the later the darker.  ``table``: columns of
-    ``contact_steps.csv``.
+    """Draw what effects in time add to contact, such as wear, along the boundary with the largest
+    value, after some of the load steps; later ones are darker.
 
-    ``names``: those to draw.
+    Args:
+        table: columns of ``contact_steps.csv``.
+        names: the columns to draw.
     """
     steps = np.unique(table["step"])
     several = min(len(steps), _MOST_PROFILES)
@@ -237,11 +239,13 @@ _ERRORS = {
 
 @mpl.rc_context(STYLE)
 def errors_and_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Estimated errors against the unknowns, and against the time: one point per mesh, open the
-    next one, predicted.
+    """Draw estimated errors over the unknowns, and over the time: one point per mesh, with an open
+    marker for the predicted next mesh.
 
-    The time is that of all meshes up to this one, as a nested iteration needs them all.  ``rows``:
-    of convergence_table.csv, coarsest mesh first, the predicted one last.
+    The time is that of all meshes up to this one, as a nested iteration needs them all.
+
+    Args:
+        rows: rows of ``convergence_table.csv``, coarsest mesh first, the predicted one last.
     """
     seconds = list(itertools.accumulate(row["seconds"] for row in rows))
     costs = {"unknowns": [row["dofs"] for row in rows], "seconds, all meshes so far": seconds}

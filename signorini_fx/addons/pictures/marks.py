@@ -1,5 +1,5 @@
-"""What stands beside and on the picture of a body: its true lengths in 3D, the largest value, and
-the colours.
+"""Annotations of the picture of a body: its lengths in 3D, the largest value, and the
+colour bar.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 
 def draw_lengths(axes: Axes, points: Array, camera: Camera) -> None:
-    """An arrow beside a body in 3D along each axis, with the length of the undeformed body, whose
-    points are given.
+    """Draw an arrow beside a body in 3D along each axis, with the length of the undeformed body,
+    given by its points.
     """
     low = points.min(axis=0)
     high = points.max(axis=0)
@@ -77,7 +77,7 @@ class Largest:
 
     @classmethod
     def of(cls, body: DrawnBody, field: str) -> Largest | None:
-        """Return the value of the largest size, or None if it is no number anywhere."""
+        """Return the value of largest magnitude, or None if no value is finite."""
         values = body.values[field].ravel()
         if not np.isfinite(values).any():
             return None
@@ -86,7 +86,9 @@ class Largest:
 
 
 def mark_largest(axes: Axes, point: Array, text: str, *, behind: bool = False) -> None:
-    """A small circle at a place in the picture, shape (2,), with a number; open if it is behind."""
+    """Draw a small circle at a place in the picture, shape (2,), with a number; the circle is open
+    if the place is behind.
+    """
     text = number(float(text)) + (" behind" if behind else "")
     fill = "none" if behind else "white"
     axes.plot(
@@ -106,10 +108,15 @@ def mark_largest(axes: Axes, point: Array, text: str, *, behind: bool = False) -
 
 
 def usual_range(values: Array, area: Array, *, signed: bool = False) -> tuple[float, float]:
-    """Lowest and highest value of a scale that contains zero; where these are far off, as at a
-    singular corner, what is beyond 99 % of the area at either end has the last colour.
+    """Return the lowest and highest value of a colour scale that contains zero.
 
-    ``signed``: whether the scale may begin below zero.
+    If extreme values are far off, as at a singular corner, the scale ends at the value that 99 % of
+    the area do not exceed, at either end.
+
+    Args:
+        values: the values.
+        area: the area of each value.
+        signed: whether the scale may begin below zero.
     """
     finite = np.isfinite(values)
     values = values[finite]
@@ -129,7 +136,7 @@ def usual_range(values: Array, area: Array, *, signed: bool = False) -> tuple[fl
 
 @dataclass(frozen=True)
 class Tones:
-    """The scale of a field."""
+    """The colour scale of a field."""
 
     field: Field
     values: Array  # of cells or points, shape (m,)
@@ -138,18 +145,16 @@ class Tones:
 
     @property
     def power(self) -> int:
-        """The figures at the colour bar are multiplied by this power of ten."""
+        """The power of ten by which the figures at the colour bar are multiplied."""
         return decimal_power(max(-self.low, self.high))
 
     @property
     def norm(self) -> Normalize:
-        """Return the norm from values times the power of ten to [0, 1]."""
+        """The norm from values times this power of ten to [0, 1]."""
         return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
 
     def bar(self, figure: Figure, axes: Axes | Sequence[Axes]) -> Colorbar:
-        """Return the colour bar below the axes, with arrows where there is more than the scale
-        shows.
-        """
+        """Return the colour bar below the axes, with arrowheads where values exceed the scale."""
         margin = 1e-3 * (self.high - self.low)
         values = self.values[np.isfinite(self.values)]
         below = self.field.signed and float(values.min(initial=self.low)) < self.low - margin
@@ -173,11 +178,11 @@ class Tones:
 
 
 def spaced(points: Array, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:
-    """Return rows of points of shape (m, 2) in their order, without those that are closer than this
-    to an earlier one.
+    """Return rows of points, shape (m, 2), in their order, without those that are closer than
+    ``spacing`` to an earlier one.
 
-    In order along a line the distances of those that are left are alike, but for the distances of
-    the points.
+    If the rows are in order along a line, the remaining points are evenly spaced, up to the
+    distances between points.
     """
     chosen: list[int] = []
     while len(rows):

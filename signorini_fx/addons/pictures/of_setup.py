@@ -1,4 +1,6 @@
-"""What a scene prescribes and where, as plain arrays for a picture, before anything is solved."""
+"""Supports, loads and contact of a scene as plain arrays for a picture, before anything is
+solved.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,8 @@ _SUFFIXES = (".png", ".pdf", ".svg")
 
 
 def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:
-    """Return a body with all that acts on its boundaries, on the first rank; on the others without
-    facets; collective.
+    """Return a body with everything that acts on its boundaries, on the first rank, and without
+    facets on the others; collective.
     """
     mesh = tagged.mesh
     dim = tagged.dimension
@@ -67,7 +69,7 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
 
 
 def _elsewhere(statement: Statement, dim: int) -> Iterator[tuple[str, Array | None, Array]]:
-    """Yield what acts on no boundary, see ``Setup.arrows``."""
+    """Yield the loads that act on no boundary, see ``Setup.arrows``."""
     for effect in statement.of(Effect):
         if isinstance(effect, Preload) and effect.point and effect.axis:
             for way in (1.0, -1.0):
@@ -80,8 +82,9 @@ def _elsewhere(statement: Statement, dim: int) -> Iterator[tuple[str, Array | No
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
-    """Return boundaries to show: of the same facets that which the scene uses, else the longest
-    name; collective.
+    """Return the names of the boundaries to show; collective.
+
+    Of several names for the same facets those that the scene uses are shown, otherwise the longest.
     """
     used = [name for name, effects in acting.items() if effects]
     facets = {name: tagged.facets(name) for name in acting}
@@ -106,8 +109,8 @@ def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
 def draw_setup(
     load: Callable[[], TaggedMesh], statement: Statement, comm: MPI.Comm, file: Path
 ) -> None:
-    """Draw a problem on the mesh that ``load`` gives, into a file whose suffix is .png, .pdf or
-    .svg; collective.
+    """Draw a problem into a file with the suffix .png, .pdf or .svg; ``load`` returns its mesh;
+    collective.
 
     Raises:
         SceneError: the scene does not fit its mesh.
@@ -138,7 +141,7 @@ def _draw(gather: Callable[[], Setup], comm: MPI.Comm, file: Path) -> None:
 
 
 def _corners(tagged: TaggedMesh, dim: int, entities: Indices) -> Array:
-    """Return corners of sides or cells along their perimeters, shape (n, k, d)."""
+    """Return the corners of facets or cells along their perimeters, shape (n, k, d)."""
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
     mesh = tagged.mesh
     cell = mesh.topology.cell_name()
@@ -155,15 +158,15 @@ def _corners(tagged: TaggedMesh, dim: int, entities: Indices) -> Array:
 
 
 def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> NamedBoundary:
-    """Return a boundary with what acts on it, on the first rank; collective."""
+    """Return a boundary with everything that acts on it, on the first rank; collective."""
     corners, areas = _sides(tagged, tagged.facets(name))
     sizes = np.linalg.norm(areas, axis=1)
     middles = corners.mean(axis=1)
     normals = areas / sizes[:, None]
 
     def whole(effect: Any) -> float:
-        """Return the total of a force that is spread, by one point on each facet, which is enough
-        for arrows.
+        """Return the total of a distributed force from one point on each facet, which is accurate
+        enough for arrows.
         """
         return parallel.total(tagged.mesh.comm, sizes @ on.value(effect.spread))
 
@@ -198,8 +201,8 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
 
 
 def _density(load: ForceDensity, on: SampledPoints) -> Array:
-    """Shape (d, n); zero where another package says it by functions of UFL, which have no value at
-    points.
+    """Return the load at the points, shape (d, n); zero for a load of another package that is given
+    by UFL functions, which have no values at points.
     """
     try:
         return np.broadcast_to(load.density(on), on.position.shape)
@@ -208,8 +211,8 @@ def _density(load: ForceDensity, on: SampledPoints) -> Array:
 
 
 def _sides(tagged: TaggedMesh, facets: Indices) -> tuple[Array, Array]:
-    """Return corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals
-    as long as their areas.
+    """Return the corners of facets, shape (f, k, d), in 3D counterclockwise as seen from outside,
+    and outward normals as long as their areas.
     """
     mesh = tagged.mesh
     dim = tagged.dimension

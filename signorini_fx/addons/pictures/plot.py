@@ -1,4 +1,4 @@
-"""A solution in a notebook: its pictures, and the grid that PyVista draws and turns."""
+"""Pictures of a solution in a notebook, and the grid that PyVista shows."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Pictures:
     """The pictures of a result folder, which a notebook displays one below the other.
 
     Attributes:
-        png: name of each picture, such as ``deformed``, and its content, a PNG file.
+        png: content of each picture, a PNG file, by its name, such as ``deformed``.
     """
 
     png: dict[str, bytes]
@@ -62,10 +62,10 @@ def plot(solution: Solution, field: str | Sequence[str] = (), *, ax: Axes | None
 
     Args:
         solution: what to draw, converged or not.
-        field: to draw on the body beside the von Mises stress, or on ``ax`` in place of it:
-            ``pressure``, ``displacement`` or ``density``, or several of them.
-        ax: axes of matplotlib on which the deformed body is drawn, in 2D as the coordinates are
-            (the first rank draws); None: new pictures.
+        field: one or several of ``pressure``, ``displacement`` and ``density``, drawn in addition
+            to the von Mises stress, or on ``ax`` in place of it.
+        ax: axes of matplotlib on which the deformed body in 2D is drawn in its coordinates (by the
+            first rank); None for new pictures.
 
     Returns:
         The pictures, or ``ax``.
@@ -116,7 +116,7 @@ def _draw_on(ax: Axes, solution: Solution, field: str | Sequence[str]) -> None:
 
 
 def _grids(solution: Solution, steps: Sequence[StepResult]) -> list[UnstructuredGrid]:
-    """Return the grids of load steps as ParaView would read them, on the first rank; none on the
+    """Return the grids of load steps as ParaView would read them, on the first rank, and [] on the
     others; collective.
     """
     comm = solution.comm
@@ -151,7 +151,7 @@ def animate(
     times: float | None = None,
     **options: Any,
 ) -> None:
-    """Write a moving picture, see ``Solution.animate``; collective."""
+    """Write an animation, see ``Solution.animate``; collective."""
     path = Path(file)
     if path.suffix != ".gif":
         raise OutputError(f"{path}: a moving picture is .gif")
@@ -185,10 +185,15 @@ def _show(
     times: float | None,
     share: float = 1.0,
 ) -> None:
-    """Put the body of a grid into a scene in place of that of another one.
+    """Show the body of a grid in a scene, in place of the previous one.
 
-    ``steps``: the grids of all load steps, whose colours and magnification are the same.
-    ``share``: of the displacement.
+    Args:
+        scene: the plotter.
+        grid: the grid to show.
+        steps: the grids of all load steps, which share colours and magnification.
+        field: name of the field; "" for the stress or the displacement.
+        times: magnification of the displacement; None for a visible one.
+        share: the share of the displacement to show.
     """
     if field and field not in grid.point_data:
         raise ValueError(f"no field {field!r}: there are {', '.join(grid.point_data.keys())}")
@@ -207,17 +212,17 @@ def _show(
 
 
 def pyvista_grid(solution: Solution) -> UnstructuredGrid | None:
-    """Return the mesh with the displacement and the stresses, for PyVista, on the first rank;
-    None on the others; collective.
+    """Return the mesh with the displacement and the stresses, for PyVista, on the first rank; None
+    on the others; collective.
 
-    ``solution.plotter().show()`` opens a window, in a notebook an output, in which the body can be
-    turned.
+    ``solution.plotter().show()`` opens a window, or in a notebook an output, in which the body can
+    be turned.
 
     Args:
-        solution: converged or not.
+        solution: the solution, converged or not.
 
     Returns:
-        A ``pyvista.UnstructuredGrid``.  Each cell has points of its own, because raw stresses jump
+        A ``pyvista.UnstructuredGrid``.  Each cell has its own points, because raw stresses jump
         between cells, with the ``displacement`` and the fields that are written for ParaView.
 
     Raises:

@@ -1,4 +1,4 @@
-"""All pictures of a result folder: what they are drawn from, gathered from all ranks, and how."""
+"""All pictures of a result folder, and the data for them, gathered from all ranks."""
 
 from __future__ import annotations
 
@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 def gather_pictures(
     solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False
 ) -> ResultPictures:
-    """Return the pictures of a solution, with fields beside the von Mises stress, or the
-    displacement if there is no stress, and with torsion ``around``; collective. Fields that need a
-    missing stress are left out, with a message.
+    """Return the data for the pictures of a solution; collective.
+
+    The von Mises stress is always drawn, the displacement if there is no stress, and with torsion
+    also ``around``; ``asked`` are further fields.  Fields that need a missing stress are left out,
+    with a message.
     """
     suffixes = (".png", ".pdf") if pdf else (".png",)
     if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics
@@ -52,7 +54,7 @@ def gather_pictures(
 
 
 def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
-    """Return the fields that are drawn; says which are not."""
+    """Return the names of the fields that are drawn, and print which are not."""
     stress = solution.known_stress
     usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
@@ -70,8 +72,10 @@ def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 
 
 def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
-    """Return the points and facets of the contact surface in 3D, counterclockwise as seen from
-    outside, with their pressure; None if it is open.
+    """Return points and facets of the contact surface in 3D, and the pressure at the points; None
+    if nothing is in contact.
+
+    Facets are counterclockwise as seen from outside.
     """
     if contact is None or contact.touching == 0:
         return None
@@ -88,9 +92,7 @@ def _pressed(contact: ContactTable | None) -> tuple[Array, Ints, Array] | None:
 
 @dataclass(frozen=True)
 class ResultPictures:
-    """A solution and what was gathered of it for its pictures; ``draw`` is called on the first
-    rank.
-    """
+    """The data for the pictures of a solution; ``draw`` is called on the first rank."""
 
     solution: Solution
     suffixes: Sequence[str]  # of the files to write
@@ -111,12 +113,16 @@ class ResultPictures:
         steps: Columns | None,
         profiles: Columns | None = None,
     ) -> None:
-        """All of them.  ``steps``: columns of steps.csv.
+        """Draw all pictures.
 
-        ``profiles``: of contact_steps.csv.
+        Args:
+            folder: where to write them.
+            contact: the contact table; None without contact.
+            steps: columns of ``steps.csv``; None for a single step.
+            profiles: columns of ``contact_steps.csv``; None without it.
 
         Raises:
-            PictureError: a body in 3D cannot be drawn; all other pictures are there.
+            PictureError: a body in 3D cannot be drawn; all other pictures are written.
         """
         with labelled(self.solution.statement.unit_names(self._dimension)):
             if self.setup is not None:

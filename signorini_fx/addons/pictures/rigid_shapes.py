@@ -1,4 +1,4 @@
-"""The surfaces of rigid shapes near a body, where they are: lines in 2D, triangles in 3D."""
+"""The surfaces of rigid shapes near a body, at their positions: lines in 2D, triangles in 3D."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Triangles = tuple[Array, Ints]
 
 
 def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Array]:
-    """Return the lines of a shape in 2D near the body, each of shape (k, 2), the body on its left;
-    collective.
+    """Return the lines of a shape in 2D near the body, each of shape (k, 2), with the body on the
+    left; collective.
     """
     from contourpy import contour_generator  # matplotlib's
 
@@ -47,8 +47,8 @@ def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Array]:
 
 
 def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
-    """Return the surface of a shape in 3D near the body on the first rank, counterclockwise as seen
-    from there; collective.
+    """Return points and triangles of a shape in 3D near the body, on the first rank,
+    counterclockwise as seen from the body; collective.
     """
     axes = _axes(distance, tagged, FOUNDATION_GRID_IN_SPACE)
     if tagged.mesh.comm.rank != 0:
@@ -66,8 +66,8 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
 
 
 def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Array], Array]]:
-    """Return for each boundary that a rigid body may touch the motion of the rigid body at points
-    of shape (n, d).
+    """Return for each boundary with a rigid body a function from points of shape (n, d) to the
+    displacement of the rigid body there.
     """
     contacts = solution.model.contacts
     return {
@@ -78,12 +78,11 @@ def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Array], Array]]:
 
 
 def drawn_shapes(solution: Solution) -> dict[str, DrawnSurface]:
-    """Return for each contact boundary whose foundation is a shape the drawing of the moved shape;
-    collective. In 2D these are lines, see ``lines_of``; in 3D points and triangles, see
-    ``triangles_of``, if PyVista is installed.
+    """Return the surface of the moved shape for each contact boundary whose foundation is a shape;
+    collective.
 
-    In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where
-    PyVista is there.
+    In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, if
+    PyVista is installed.
     """
     tagged = solution.model.tagged
     last = solution.last_step
@@ -107,8 +106,8 @@ def drawn_shapes(solution: Solution) -> dict[str, DrawnSurface]:
 
 
 def _axes(distance: Distance, tagged: TaggedMesh, count: int) -> list[Array]:
-    """Coordinates along the axes of a grid around the body, and a round thing that is not much
-    larger; collective.
+    """Return the coordinates along the axes of a grid around the body, which contains a round shape
+    if that is not much larger than the body; collective.
     """
     low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))
     low = low[: tagged.dimension]

@@ -1,6 +1,4 @@
-"""What a scene prescribes and where: the mesh, boundaries with their names, loads, supports and
-contact.
-"""
+"""The picture of a problem: the mesh, boundaries with their names, loads, supports and contact."""
 
 from __future__ import annotations
 
@@ -92,13 +90,13 @@ class NamedBoundary:
 
     @property
     def middles(self) -> Array:
-        """Return the middles of the facets, shape (f, d)."""
+        """The middles of the facets, shape (f, d)."""
         return self.corners.mean(axis=1)
 
     @property
     def label(self) -> str:
-        """Return the name and the loads and supports of the boundary, as in ``left: displacement
-        (x, y)``.
+        """The name of the boundary with its loads and supports, as in ``left: displacement (x,
+        y)``.
         """
         more = {"displacement": f" ({', '.join(self.held)})"}
         if self.partners:
@@ -108,8 +106,8 @@ class NamedBoundary:
 
     @property
     def marker(self) -> str:
-        """A square where all components of the displacement are prescribed, a circle where some
-        are.
+        """The marker of supports: a square if all components of the displacement are prescribed, a
+        circle if some are, otherwise "".
         """
         return "" if not self.held else "s" if len(self.held) == self.corners.shape[2] else "o"
 
@@ -135,8 +133,8 @@ class Setup:
     def draw(self, path_stem: str | Path, suffixes: Sequence[str] = SCREEN) -> None:
         """Write the picture.
 
-        Each boundary has a colour, and the legend says what acts on it.  Arrows are loads by their
-        size, and prescribed displacements that are not nought, pale on hidden sides.  Squares and
+        Each boundary has a colour, and the legend names what acts on it.  Arrows show loads to
+        scale, and prescribed displacements that are not zero, pale on hidden sides.  Squares and
         circles are supports.
 
         Raises:
@@ -155,8 +153,8 @@ class Setup:
 
     @property
     def _coloured(self) -> list[tuple[NamedBoundary, str, str | tuple[float, tuple[float, ...]]]]:
-        """Each boundary with facets, its colour, and the style of its line; both sides of a pair
-        are alike.
+        """Each boundary with facets, its colour, and its line style; both sides of a pair are
+        alike.
         """
         shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
         count = len(_COLOURS)
@@ -218,7 +216,9 @@ class Setup:
         return figure, np.asarray, None
 
     def _space(self) -> tuple[Figure, Callable[[Array], Array], Array]:
-        """Return the colours of the boundaries are those of their facets."""
+        """Return the figure of a body in 3D with its facets in the colours of their boundaries, the
+        projection onto the picture, and the direction towards the viewer.
+        """
         from signorini_fx.addons.pictures.solid import Solid, figure_of, seen_parts
 
         above = COLOURS_ABOVE * diagonal(self.polygons.reshape(-1, 3))
@@ -262,11 +262,11 @@ class Setup:
 
     @property
     def _acts(self) -> bool:
-        """Return whether something acts on a boundary."""
+        """Whether something acts on a boundary."""
         return any(boundary.kinds for boundary in self.boundaries)
 
     def _mark(self, axes: Axes, flat: Callable[[Array], Array], toward: Array | None) -> None:
-        """Arrows and supports, on the sides that face the viewer, or on those behind where there
+        """Draw arrows and supports on the sides that face the viewer, or on hidden sides if there
         are no others.
         """
         side = max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
@@ -304,8 +304,8 @@ class Setup:
         self._draw_others(axes, flat)
 
     def _draw_others(self, axes: Axes, flat: Callable[[Array], Array]) -> None:
-        """Draw a named arrow to the point of each load that acts on no boundary, or from the middle
-        of the body.
+        """Draw a named arrow for each load that acts on no boundary, to its point, or from the
+        middle of the body.
         """
         x = self.polygons.reshape(-1, self.polygons.shape[2])
         for name, point, vector in self.arrows:
@@ -325,8 +325,8 @@ class Setup:
         vectors: Array,
         **style: str | float,
     ) -> None:
-        """Draw arrows of vectors of length 1 at most; those into the body end at it, the others
-        begin there.
+        """Draw arrows of vectors of length 1 at most; arrows into the body end at their point,
+        others begin there.
         """
         lengths = np.linalg.norm(vectors, axis=1)
         outwards = inner(vectors, normals)
@@ -345,7 +345,7 @@ class Setup:
         arrows.set_in_layout(False)  # matplotlib takes their lengths for decorations of the axes
 
     def _largest(self, vectors: str) -> float:
-        """Return the length of the largest of all vectors."""
+        """Return the length of the longest vector, of ``load`` or ``moved``, on all boundaries."""
         sizes = [
             np.linalg.norm(getattr(boundary, vectors), axis=1).max(initial=0.0)
             for boundary in self.boundaries
@@ -353,7 +353,9 @@ class Setup:
         return float(max(sizes, default=0.0))
 
     def _legend(self, figure: Figure) -> None:
-        """The names of the boundaries, what acts on them, and how large the longest arrows are."""
+        """Draw a legend with the names of the boundaries, what acts on them, and the size of the
+        longest arrows.
+        """
         handles = []
         for boundary, colour, line in self._coloured:
             on_face = self.polygons.shape[2] == 3 and boundary.name.startswith(_NUMBERED)
@@ -390,5 +392,7 @@ class Setup:
 
 
 def _spaced_rows(points: Array, spacing: float) -> npt.NDArray[np.intp]:
-    """Return rows of points of shape (m, 2) so far apart, from one end of them to the other."""
+    """Return rows of points, shape (m, 2), that are at least ``spacing`` apart, chosen from one end
+    of the points to the other.
+    """
     return spaced(points, np.lexsort(np.round(points.T / spacing, 6)), spacing)

@@ -1,4 +1,4 @@
-"""The deformed body in 3D on its foundation: its outer surface, a field in colours, drawn by
+"""The deformed body in 3D on its foundation: its outer surface with a field in colours, drawn by
 PyVista.
 """
 
@@ -61,7 +61,7 @@ _WITHOUT_DISPLAY = (
 
 @dataclass(frozen=True)
 class Solid:
-    """The surface of a body with a field, and what is around it."""
+    """The surface of a body with a field, and its surroundings."""
 
     points: Array  # where they are drawn, shape (n, 3)
     triangles: Ints  # of the surface, counterclockwise as seen from outside, shape (t, 3)
@@ -85,13 +85,14 @@ def deformed_solid(
     largest: Largest | None = None,
     pressed: tuple[Array, Ints, Array] | None = None,
 ) -> tuple[Figure, str]:
-    """Draw the outer surface of a deformed body in 3D on its foundation; and say what is magnified.
-    Beside it are contact surfaces where they are ``pressed``: their points, facets, and pressure.
+    """Draw the outer surface of a deformed body in 3D on its foundation; return the figure, and
+    what is magnified, in words.
 
-    Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
-    the facets are drawn if they are large enough to see them.  Arrows show the axes, and how long
-    the undeformed body is along each. A circle marks the largest value; it is open where it is
-    behind the surface that is seen.  A foundation is gray, and seen from the side of the body only.
+    Beside it are the contact surfaces ``pressed``: their points, facets, and pressure.  Dark lines
+    on the body are its sharp edges, gray ones those of the undeformed body; the edges of the facets
+    are drawn if they are large enough to see them.  Arrows show the axes, and the length of the
+    undeformed body along each. A circle marks the largest value; it is open where it is behind the
+    visible surface.  A foundation is gray, and seen from the side of the body only.
 
     Raises:
         PictureError: PyVista is missing.
@@ -145,7 +146,7 @@ def deformed_solid(
 
 
 def ground_of(foundation: Foundation, factor: float) -> tuple[Array, Ints]:
-    """Return points and polygons of a foundation, counterclockwise as seen from the body; of a
+    """Return points and polygons of a foundation, counterclockwise as seen from the body; for a
     plane a rectangle around it.
     """
     points = foundation.drawn(factor)
@@ -163,8 +164,8 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Array, Ints]:
 
 
 def _plane_of(points: Array) -> Array | None:
-    """Return corners of a rectangle around points that lie in a plane, in order along its
-    perimeter, shape (4, 3).
+    """Return the corners of a rectangle around points that lie in a plane, in order along its
+    perimeter, shape (4, 3); None if they do not.
     """
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 3:
@@ -187,9 +188,11 @@ def _plane_of(points: Array) -> Array | None:
 
 
 def telling_view(body: DrawnBody, name: str) -> View:
-    """Return the view, of those from above onto the four corners, that shows most of a field: the
-    cut of a symmetric body rather than its back; from the front and the right if that makes no
-    difference.
+    """Return the oblique view from above that shows most of a field, out of those onto the four
+    corners.
+
+    It shows the cut of a symmetric body rather than its back.  If views hardly differ, it is that
+    from the front and the right.
     """
     area = normals_of(body.points[body.triangles])
     size = np.abs(np.nan_to_num(body.at_corners(name))).mean(axis=1)
@@ -201,14 +204,14 @@ def telling_view(body: DrawnBody, name: str) -> View:
 
 
 def _edges(body: DrawnBody) -> Ints:
-    """Return pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
+    """Return pairs of points along the perimeters of all facets, each pair once, shape (e, 2)."""
     pairs = sides_of(body.perimeters).reshape(-1, 2)
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
-    """Return points that a picture shows; of a foundation that runs far away only the part next to
-    the body.
+    """Return the points that a picture must show; of a large foundation only the part next to the
+    body.
     """
     body = np.concatenate((solid.points, at_rest, *ends))
     low = body.min(axis=0)
@@ -222,10 +225,13 @@ def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
 def figure_of(
     solids: Sequence[Solid], cameras: Sequence[Camera], *, inch: float
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a picture of each body by its camera, beside each other in axes without
+    """Return a figure with a picture of each body by its camera, side by side in axes without
     ticks.
 
-    ``inch``: how many a unit of length is.
+    Args:
+        solids: the bodies.
+        cameras: their cameras.
+        inch: inches per unit of length.
     """
     halves = np.array([camera.half for camera in cameras])
     wide = 2 * inch * halves[:, 0] + _LABELS
@@ -241,8 +247,13 @@ def figure_of(
 
 
 def seen_parts(solid: Solid, camera: Camera, count: int) -> dict[int, Array]:
-    """Return for each whole number of the field below ``count`` that is seen the place in the
-    picture that is farthest from the rim of what is seen of it, length, shape (2,).
+    """Return a visible point of each part of a body: the place in the picture that is farthest from
+    the rim of the visible part, length, shape (2,).
+
+    Args:
+        solid: the body; its field is the number of the part.
+        camera: the camera.
+        count: number of parts.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -261,7 +272,7 @@ def seen_parts(solid: Solid, camera: Camera, count: int) -> dict[int, Array]:
 
 
 def ready_pyvista(*, draws: bool = True) -> Any:
-    """Return PyVista, which can draw if it ``draws``.
+    """Return the module PyVista; if it ``draws``, ensure that it can.
 
     Raises:
         PictureError: it is missing, or its VTK needs a display and there is none.
@@ -282,9 +293,13 @@ def ready_pyvista(*, draws: bool = True) -> Any:
 def image(
     solid: Solid, camera: Camera, width: int, *, plain: bool = False
 ) -> npt.NDArray[np.uint8]:
-    """Return a picture with this many pixels across on a white ground, shape (h, w, 3).
+    """Return a picture with ``width`` pixels across on white ground, shape (h, w, 3).
 
-    ``plain``: the colours alone, without light and lines.
+    Args:
+        solid: the body.
+        camera: the camera.
+        width: pixels across.
+        plain: whether to draw the colours alone, without light and lines.
 
     Raises:
         PictureError: see ``ready_pyvista``.
@@ -315,7 +330,7 @@ def image(
 
 
 def _draw(plotter: Plotter, solid: Solid) -> None:
-    """The body and what is around it."""
+    """Add the body and its surroundings to a plotter."""
     import pyvista
 
     light = {"ambient": AMBIENT_LIGHT, "diffuse": 1 - AMBIENT_LIGHT}
@@ -355,7 +370,7 @@ def _draw(plotter: Plotter, solid: Solid) -> None:
 
 
 def _add_body(plotter: Plotter, body: PolyData, solid: Solid, **light: float) -> Actor:
-    """Add triangles, each with points of its own, in the colours of the field."""
+    """Add triangles, each with its own points, in the colours of the field."""
     body.point_data["field"] = solid.values.ravel()
     colours = {"cmap": solid.colours or VALUES, "clim": solid.limits, "nan_color": GROUND}
     return plotter.add_mesh(body, show_scalar_bar=False, scalars="field", **colours, **light)
@@ -369,8 +384,8 @@ def _surface(points: Array, polygons: Ints) -> PolyData:
 
 
 def can_draw() -> bool:
-    """Return whether VTK needs no display or has one: where there is none Xvfb is started, which
-    ends with this process.
+    """Return whether VTK needs no display or has one; without a display Xvfb is started, which ends
+    with this process.
     """
     import pyvista
 

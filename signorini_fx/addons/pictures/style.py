@@ -1,11 +1,11 @@
-"""The style of all pictures, and how they are written: ``with mpl.rc_context(STYLE)`` gives other
-pictures the same.
+"""The style of all pictures, and how they are written; ``with mpl.rc_context(STYLE)`` applies it to
+other pictures.
 
 A picture is written as ``stem.png``, unless ``suffixes`` names others: ``.pdf`` for print, which
 takes longer than all the rest, or ``.svg`` as in the report.  Pictures are readable in black and
 white: line styles and lightness differ as well, and in every field the lighter colour is the larger
 value, as in most programs.  Lettering has 9 points in pictures of at most 5 to 7 inches, so that it
-can still be read where a telephone shows them with a width of 9 cm.
+can still be read on a telephone, with a width of 9 cm.
 """
 
 from __future__ import annotations
@@ -82,14 +82,14 @@ STYLE: dict[str, Any] = {
 
 
 def plain(text: str) -> str:
-    """Return a user's text for a picture, in which dollar signs do not begin mathematics, without
-    control characters.
+    """Return a user's text for a picture: dollar signs do not begin mathematics, and control
+    characters are escaped.
     """
     return printable(text).replace("$", r"\$")
 
 
 def largest_of(*curves: Array) -> float:
-    """Return the largest finite entry by size, 0 if there is none."""
+    """Return the largest magnitude of finite entries, 0 if there is none."""
     values = np.abs(np.concatenate(curves))
     return float(values[np.isfinite(values)].max(initial=0.0))
 
@@ -100,15 +100,15 @@ def decimal_power(largest: float) -> int:
 
 
 def readable(ideal: float) -> float:
-    """Return the factor next to a positive ideal one that is 1, 2 or 5 times a power of ten."""
+    """Return the factor nearest to a positive ideal one that is 1, 2 or 5 times a power of ten."""
     decade = math.floor(math.log10(ideal))
     steps = [m * 10.0**k for k in (decade, decade + 1) for m in (1, 2, 5)]
     return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
 
 
 def visible_factor(points: Array, displacement: Array) -> float:
-    """Return the magnification of displacements that shows the largest one as a tenth of the
-    longest side of the body; 1 where it is seen as it is.
+    """Return the magnification that shows the largest displacement as a tenth of the longest side
+    of the body, at least 1.
     """
     largest = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
     wanted = 0.1 * float(np.ptp(points, axis=0).max()) / largest if largest > 0 else 1.0
@@ -116,14 +116,14 @@ def visible_factor(points: Array, displacement: Array) -> float:
 
 
 def unit_of(power: int, quantity: str = "") -> str:
-    """Return the suffix of a label whose figures were multiplied by 10^power: each of them counts
-    10^-power.
+    """Return the unit in the label of an axis whose figures were multiplied by 10^power, such as ``
+    (unit 10⁻⁴ m)``.
 
-    A factor behind the name, as in "force x 10^4", could be taken for either direction.
+    A factor behind the name, as in "force x 10^4", could be read in either direction.
 
     Args:
-        power: of ten.
-        quantity: whose unit it has, see ``signorini_fx.mechanics.statement.units``.
+        power: the power of ten.
+        quantity: its quantity, for the unit, see ``signorini_fx.mechanics.statement.units``.
     """
     if not power:
         return plain(bracketed(quantity))
@@ -131,7 +131,7 @@ def unit_of(power: int, quantity: str = "") -> str:
 
 
 def number(value: float) -> str:
-    """Return a factor in digits if they are few, else m x 10^k."""
+    """Return a factor as text: in digits if they are few, otherwise as m x 10^k."""
     if value == 0 or 0.01 <= abs(value) < 1e5:
         return f"{value:.6g}".replace("-", MINUS)
     digits, power = f"{value:.5e}".split("e")
@@ -144,15 +144,15 @@ def number(value: float) -> str:
 
 
 def _power_of_ten(power: int) -> str:
-    """Return a power of ten in letters: the first formula that matplotlib sets takes a tenth of a
-    second.
+    """Return a power of ten in raised digits: setting the first formula takes matplotlib a tenth of
+    a second.
     """
     return "10" + str(power).translate(_RAISED)
 
 
 def _entitle(figure: Figure, title: str) -> None:
-    """The title at the top left; one that is wider than the figure in several lines, the remark in
-    one of its own.
+    """Write the title at the top left; a title wider than the figure is broken into lines, with the
+    remark on its own line.
     """
     text = figure.suptitle(title, x=0.012, ha="left", fontsize=10)
     room = 0.976 * figure.bbox.width
@@ -173,10 +173,14 @@ def _entitle(figure: Figure, title: str) -> None:
 def finish(
     figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN
 ) -> None:
-    """Title the figure and write it; without dates, so that the same data give the same files.
-    ``path_stem``: where to write, without suffix.
+    """Add the title to a figure and write it, without dates, so that the same data give the same
+    files.
 
-    ``suffixes``: of the files to write.
+    Args:
+        figure: the figure.
+        path_stem: where to write, without suffix.
+        title: the title; "" for none.
+        suffixes: suffixes of the files to write.
     """
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)

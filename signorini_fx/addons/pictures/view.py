@@ -1,4 +1,4 @@
-"""How surfaces in 3D are seen: directions, axes in the picture, and their names."""
+"""Views of surfaces in 3D: directions of sight, axes in the picture, and their names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MARGIN = 0.06  # around what is seen, of the longer side of the window
 
 @dataclass(frozen=True)
 class View:
-    """A direction of sight, and what is right and above in it.
+    """A direction of sight, and the directions right and up in the picture.
 
     Attributes:
         right, up, toward: orthonormal, right-handed; ``toward`` points from the picture to the
@@ -27,12 +27,12 @@ class View:
     toward: Array
 
     def flat(self, points: Array) -> Array:
-        """Return points of shape (..., 3) in the picture, shape (..., 2)."""
+        """Return points of shape (..., 3) projected onto the picture, shape (..., 2)."""
         return np.stack((points @ self.right, points @ self.up), axis=-1)
 
     @classmethod
     def against(cls, sight: Array, up: Array) -> View:
-        """Along a unit vector, with another one upwards as far as possible."""
+        """Return the view along a unit vector, with another one upwards as far as possible."""
         up = up - (up @ sight) * sight
         up = up / np.linalg.norm(up)
         return cls(np.asarray(np.cross(sight, up)), np.asarray(up), -sight)
@@ -56,15 +56,17 @@ class Camera:
         return cls(view, 0.5 * (low + high) @ axes, half + _MARGIN * (float(half.max()) or 1.0))
 
     def flat(self, points: Array) -> Array:
-        """Return points of shape (..., 3) in the picture, shape (..., 2)."""
+        """Return points of shape (..., 3) projected onto the picture, relative to its middle, shape
+        (..., 2).
+        """
         return self.view.flat(points - self.centre)
 
 
 def along(direction: Array) -> View:
-    """Return the view along a direction, shape (3,): upright as far as possible.
+    """Return the view along a direction, shape (3,), upright as far as possible.
 
-    A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if one looks up or
-    down.
+    A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if the direction
+    is along z.
     """
     sight = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     axis = int(np.argmax(np.abs(sight)))
@@ -74,15 +76,17 @@ def along(direction: Array) -> View:
 
 
 def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:
-    """Return the view from the front, the right and above; degrees."""
+    """Return the view from the front, the right and above; angles in degrees."""
     turn, lift = np.radians((azimuth, elevation))
     sight = -np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
     return View.against(sight, np.eye(3)[2])
 
 
 def coordinate(direction: Array) -> tuple[str, bool]:
-    """Return the name of the coordinate to write at an axis of a picture, and whether it decreases
-    in the given direction: against a coordinate axis the coordinate itself is written.
+    """Return the name of the coordinate at an axis of a picture, and whether it decreases in the
+    given direction.
+
+    Against a coordinate axis the name of the coordinate itself is written.
     """
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - 1e-12:
@@ -91,7 +95,7 @@ def coordinate(direction: Array) -> tuple[str, bool]:
 
 
 def combination(direction: Array) -> str:
-    """Return a unit vector as a combination of coordinates."""
+    """Return a unit vector as a linear combination of coordinates, in words."""
     text = ""
     for axis, share in enumerate(direction):
         if abs(share) < 0.005:
@@ -103,7 +107,12 @@ def combination(direction: Array) -> str:
 
 
 def outline(points: Array, polygons: Ints) -> Ints:
-    """Return edges that belong to one polygon only, shape (e, 2), of polygons of shape (m, k)."""
+    """Return the edges that belong to one polygon only, shape (e, 2).
+
+    Args:
+        points: the points.
+        polygons: their numbers at the corners of each polygon, shape (m, k).
+    """
     a = polygons.ravel()
     b = np.roll(polygons, -1, axis=1).ravel()
     key = np.minimum(a, b) * len(points) + np.maximum(a, b)
