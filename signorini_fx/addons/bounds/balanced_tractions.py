@@ -1,15 +1,15 @@
 """The admissible contact tractions closest to given ones in L2 that balance the loads of bodies
 that move freely.
 
-With the work R of unit tractions at the vertices of facets on the free motions and their weights W,
-those sought are
+With the work R of unit tractions at the vertices of facets on the free motions, and the weights W
+of the vertices, they are
 
     z(y) = P(z_0 - W^-1 R y),   R^T z(y) + L = 0,
 
-P the closest point of the admissible set.  Their Lagrange multipliers y, one per free motion,
-maximise a concave function, whose gradient is what is not balanced: Newton's method on it.  All
-pieces of the body have their motions together, because one pressure may stand in the balance of
-two.
+where P is the projection onto the closest point of the admissible set.  The Lagrange multipliers y,
+one per free motion, maximise a concave function whose gradient is the imbalance; Newton's method
+finds the maximum.  The motions of all pieces of the body are taken together, because one pressure
+may occur in the balance of two pieces.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class AdmissibleTractions:
     weight: Array  # areas, shape (m,)
 
     def at(self, y: Array) -> tuple[Array, Array]:
-        """Return the admissible ones for multipliers."""
+        """Return the admissible pressure and shear for multipliers y."""
         unit = self.weight[:, None]
         pressure = (self.pressure - self.normal @ y / unit).clip(min=0.0)
         return pressure, onto_disc(self.shear - self.across @ y / unit[:, :, None], self.least)
@@ -48,13 +48,13 @@ class AdmissibleTractions:
         )
 
     def distance(self, pressure: Array, shear: Array) -> float:
-        """Half of the square of that from the given ones."""
+        """Return half of the squared distance to the given tractions in L2."""
         squares = (pressure - self.pressure) ** 2 + ((shear - self.shear) ** 2).sum(axis=2)
         return float((self.weight[:, None] * squares).sum()) / 2
 
     @property
     def resistance(self) -> float:
-        """The trace of ``slope`` where all vertices carry."""
+        """The trace of ``slope`` if all vertices transmit forces."""
         unit = self.weight[:, None]
         return float(
             ((self.normal**2).sum(axis=2) / unit).sum()
@@ -62,7 +62,7 @@ class AdmissibleTractions:
         )
 
     def slope(self, y: Array) -> Array:
-        """Minus the derivative of the work by the multipliers, shape (n, n)."""
+        """Return minus the derivative of the work by the multipliers, shape (n, n)."""
         unit = self.weight[:, None, None]
         room = (self.pressure - self.normal @ y / unit[..., 0] >= 0)[:, :, None]
         free = self.shear - self.across @ y / unit
@@ -80,11 +80,16 @@ class AdmissibleTractions:
 def balanced(
     loads: Array, contacts: list[AdmissibleTractions], small: Array
 ) -> list[tuple[Array, Array]]:
-    """Return pressures and shears of each contact that balance loads, given by their work on the
-    free motions, force, shape (n,), but for at most ``small`` of each.
+    """Return pressures and shears of each contact that balance the loads, except for at most
+    ``small`` of each.
+
+    Args:
+        loads: work of the loads on the free motions, force, shape (n,).
+        contacts: the admissible tractions of each contact.
+        small: the largest imbalance allowed, shape (n,).
 
     Raises:
-        Refused: nothing was found.
+        Refused: none were found.
     """
     y: Array = np.zeros(len(loads))
 
@@ -128,7 +133,7 @@ def balanced(
 
 
 def onto_disc(shear: Array, least: Array) -> Array:
-    """Return the closest vectors of a size of at most ``least``, shape (..., d)."""
+    """Return the closest vectors with a magnitude of at most ``least``, shape (..., d)."""
     size = np.linalg.norm(shear, axis=-1)
     share = quotient(least, size, size > least, otherwise=1.0) * (1 - 2 * EPS)
     return shear * share[..., None]

@@ -1,4 +1,4 @@
-"""Which scenes have a guaranteed bound of their error."""
+"""The scenes for which a guaranteed bound of the error exists."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ BOUNDED = (
 
 
 def refused(*names: str) -> Refused:
-    """Return the error of a scene with these parts, for which there is no bound."""
+    """Return the error of a scene that has no bound because of the parts with these names."""
     return Refused(f"{BOUNDED}; this scene has {', '.join(dict.fromkeys(names))}")
 
 
 def _is_polynomial(value: Value, degree: int) -> bool:
-    """Return whether a value of a scene is a polynomial of the position of a degree at most."""
+    """Return whether a value of a scene is a polynomial of the position up to a degree."""
     if isinstance(value, Expression):
         return not _switches(value.tree) and _degree(value.tree) <= degree
     return isinstance(value, float)
 
 
 def _is_linear(value: Value) -> bool:
-    """Return whether a value is linear between known places, maybe at nodes: zeros of linear
-    switches, which do not jump.
+    """Return whether a value is linear between known places, which may be at nodes: the zeros of
+    linear switches that do not jump, see ``_switches``.
     """
     if not isinstance(value, Expression):
         return isinstance(value, float)
@@ -60,10 +60,16 @@ def _is_linear(value: Value) -> bool:
 
 
 def refuse_jumps(value: Value, x: Array, label: str) -> None:
-    """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d):
-    what decides how it goes on changes its sign there.  Comparisons give the difference of both
-    sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min`` and ``max`` the
-    differences of theirs.
+    """Refuse a value with a jump or a kink inside a simplex.
+
+    It has one if the argument of a switch changes its sign between the corners.  The argument of a
+    comparison is the difference of both sides; ``abs``, ``sign``, ``sqrt`` and powers have their
+    own argument, ``min`` and ``max`` the differences of theirs.
+
+    Args:
+        value: the value.
+        x: corners of the simplices, shape (m, k, d).
+        label: name of the value in the message.
     """
     if not isinstance(value, Expression) or not x.size:
         return
@@ -76,7 +82,7 @@ def refuse_jumps(value: Value, x: Array, label: str) -> None:
 
 
 def _switches(node: ast.expr) -> list[ast.expr]:
-    """Return the parts of a tree whose sign decides how it goes on, inner ones first."""
+    """Return the parts of an expression tree whose sign selects a branch, inner ones first."""
     found = [
         part
         for child in ast.iter_child_nodes(node)
@@ -100,7 +106,7 @@ def _switches(node: ast.expr) -> list[ast.expr]:
 
 
 def _jumps(node: ast.expr) -> bool:
-    """Return whether a number in a tree may jump: it compares others, or takes their sign."""
+    """Return whether an expression may jump: it has a comparison or a sign."""
     return any(
         isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign")
         for part in ast.walk(node)
@@ -108,8 +114,8 @@ def _jumps(node: ast.expr) -> bool:
 
 
 def _degree(node: ast.expr) -> float:
-    """Degree of the polynomials between the switches; infinite where there are none; 0 of a
-    condition.
+    """Return the degree of an expression between its switches: infinite if it is no polynomial, 0
+    for a condition.
     """
     degrees = [
         _degree(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)
@@ -138,7 +144,9 @@ def _degree(node: ast.expr) -> float:
 
 
 def unbounded(model: Model) -> Iterator[str]:
-    """The names of what of a scene has no bound, which the statement or the mesh tells."""
+    """Yield the names of the parts of a scene for which there is no bound, as far as the statement
+    or the mesh shows them.
+    """
     mesh = model.tagged.mesh
     statement = model.statement
     if "guaranteed bound" in model.kinematics.refuses:
@@ -171,7 +179,7 @@ def unbounded(model: Model) -> Iterator[str]:
 
 
 def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
-    """What of a contact has no bound."""
+    """Yield the names of the parts of a contact for which there is no bound."""
     if not entry.opens:
         yield f"{entry.kind} contact"
     elif entry.overclosure is not None:
@@ -195,7 +203,7 @@ def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
 
 
 def _of_support(entry: Displacement, model: Model) -> Iterator[str]:
-    """What of a support has no bound."""
+    """Yield the names of the parts of a support for which there is no bound."""
     degree = model.space.element.basix_element.degree
     if entry.at is not None:
         yield "a support of a point"

@@ -1,11 +1,12 @@
-"""A displacement that enters neither foundations nor other bodies, from one that does.
+"""A displacement without penetration, from a computed one that penetrates foundations or other
+bodies.
 
-Vertices are moved along the normals by hat functions, both sides by shares with the least energy of
-springs in series; where the parts of a contact are whole facets the middles of edges follow by
-parabolas.  On other parts each vertex moves by the largest excess around, so that the change is as
-large everywhere on these.  Where contact is closed sides may as well be moved to each other: what
-is left open between nodes times the pressure is of the order of the error, while a change costs its
-square.
+Vertices are moved along the normals by hat functions, on both sides by shares with the least energy
+of springs in series; where the parts of a contact are whole facets the middles of edges follow by
+parabolas.  On other parts each vertex moves by the largest excess around it, so that the change is
+as large everywhere on these.  Where contact is closed, both sides may also be moved together: the
+remaining gap between nodes times the pressure is of the order of the error, while a change of the
+displacement adds only its square.
 """
 
 from __future__ import annotations
@@ -26,13 +27,15 @@ _MOVABLE = 0.25
 
 
 def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> Array:
-    """Return the displacement at nodes, length, shape (v + e, d).
+    """Return the displacement without penetration at nodes, length, shape (v + e, d).
 
-    ``tiny``: how far it may enter, as round-off does.
-    ``closed``: whether it is moved to the other side under pressure.
+    Args:
+        problem: the problem with the computed displacement.
+        tiny: penetration that is allowed as round-off, length.
+        closed: whether both sides are moved together where there is pressure.
 
     Raises:
-        Refused: supports leave no way out.
+        Refused: supports prevent the motion.
     """
     t = problem.t
     y = problem.y.copy()
@@ -65,7 +68,7 @@ def _separate(
     *,
     closed: bool,
 ) -> None:
-    """Move a displacement out of one contact, in place."""
+    """Remove the penetration of one contact from a displacement, in place."""
     t = problem.t
     parts = surface.parts
     d = problem.t.dimension
@@ -93,8 +96,14 @@ def _separate(
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
-    """Return displacements of nodes along the normals of the parts around, by depths of shape (m,
-    k) at least.
+    """Return displacements of nodes along the normals of the parts around them, by at least the
+    depths of these parts.
+
+    Args:
+        places: nodes of each part, shape (m, k).
+        depth: depths at these nodes, length, shape (m, k).
+        normal: normals of the parts, shape (m, d).
+        free: projectors onto the directions that supports leave free, shape (nodes, d, d).
     """
     sums = np.zeros(free.shape[:2])
     deepest = np.full(len(free), -np.inf)

@@ -1,8 +1,7 @@
 """Two-sided bounds of the force of a contact.
 
-Let v be a displacement that does not enter foundations or other bodies and tau a stress in
-equilibrium, as for the bound of the error.  The stress of the solution is within rho of their mean,
-(C eps(v) + tau) / 2, with
+Let v be a displacement without penetration and tau a stress in equilibrium, as for the bound of the
+error.  The stress of the solution is within rho of their mean, (C eps(v) + tau) / 2, with
 
     rho^2 = |C eps(v) - tau|^2 / 4 + int p (d - v_n) + int (g |v_t| - mu v_t)
 
@@ -13,7 +12,8 @@ vanishes where other forces of supports and contacts act (R. Becker and R. Ranna
 
     R = a(u, z) - L(z) = int eps(z) : (C eps(v) + tau) / 2 - L(z) + r,    |r| <= rho |z|.
 
-z is linear on the cells, so that what tau lacks of loads and tractions does no work on it.
+z is linear on the cells, so that the part of loads and tractions that tau does not balance does no
+work on it.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ def force(
     direction: tuple[float, ...],
     step: float = 0.0,
 ) -> Interval | str:
-    """Return bounds of the force on a body along a direction at a boundary in contact; or why there
+    """Return bounds of the force on a body along a direction at a boundary in contact, or why there
     are none; collective.
 
-    They rest on what the bound of the error rests on, and print it.
+    They have the same assumptions as the bound of the error, and name them.
 
     Args:
         model: the model.
         y: the displacement.
         contact: the contact points.
-        boundary: of a contact, of either body.
-        direction: any vector; a unit one gives a force, in 2D per thickness.
-        step: the place of the load step in the lists of factors.
+        boundary: a boundary of a contact, on either body.
+        direction: any vector; a unit vector gives a force, in 2D per thickness.
+        step: position of the load step in the lists of factors.
     """
     along = np.asarray(direction, dtype=np.float64)
     return proved(
@@ -88,8 +88,8 @@ def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
 
 
 def _given(problem: Bounded, boundary: str, direction: Array) -> list[Given]:
-    """Return components where forces of supports and contacts act; without friction there is none
-    along a contact.
+    """Return the prescribed components of z where forces of supports and contacts act; without
+    friction only the normal component of a contact.
     """
     d = problem.t.dimension
     nothing = np.zeros_like(direction)

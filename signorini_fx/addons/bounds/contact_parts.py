@@ -1,11 +1,11 @@
-"""Where a contact lies: parts of facets of one body that are over parts of facets of another one,
-or of none.
+"""The parts of a contact: pieces of facets of one body opposite pieces of facets of another body,
+or of a foundation.
 
-Facets of both sides that match are parts as they are.  Of two flat parallel sides the parts are
-what a facet of each shares, divided into segments or triangles: the displacement of either side is
+Matching facets of both sides are parts as they are.  Between two flat parallel sides the parts are
+the overlaps of their facets, divided into segments or triangles: the displacement of either side is
 a polynomial there.  They serve integration alone, so that thin ones do no harm: no cell is divided.
-The stress has the closest linear traction on each facet; what is left of a traction is orthogonal
-to linear functions there, see ``liftings``.
+The stress has the closest linear traction on each facet; the rest of a traction is orthogonal to
+linear functions there, see ``liftings``.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ SLAVE, MASTER = 0, 1
 
 @dataclass(frozen=True)
 class ContactParts:
-    """The parts of one contact, m of them; arrays of both sides, or of the first one alone on a
-    foundation.
+    """The m parts of one contact; tuples have an entry for each side, or for the first side alone
+    on a foundation.
     """
 
     facets: tuple[Ints, ...]  # of each side that have some, shapes (f,) and (g,)
@@ -50,7 +50,9 @@ class ContactParts:
 
     @classmethod
     def on_foundation(cls, t: Simplices, facets: Ints, normal: Array) -> ContactParts:
-        """Return facets and the directions to their foundation, shapes (m,) and (m, d)."""
+        """Return whole facets as parts, with the directions to their foundation, shapes (m,) and
+        (m, d).
+        """
         count, d = normal.shape
         return cls(
             (facets,),
@@ -63,8 +65,10 @@ class ContactParts:
 
     @classmethod
     def between(cls, t: Simplices, slave: Ints, master: Ints) -> ContactParts:
-        """Return the parts of two sides, that with the contact points first: the overlaps of flat
-        parallel sides along their normal; for others facets at the same places.
+        """Return the parts of two sides, the side with the contact points first.
+
+        They are the overlaps of flat parallel sides along their normal; for other sides, facets at
+        the same places.
         """
         along = t.normal[slave[0]]
         tiny = SAME_LENGTH * float(np.ptp(t.x, axis=0).max())
@@ -108,7 +112,7 @@ class ContactParts:
     def _matching(
         cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float
     ) -> ContactParts:
-        """Return facets whose vertices are at the same places, shape (v, d), but for a tiny
+        """Return pairs of facets whose vertices have the same places, shape (v, d), up to a tiny
         length.
         """
         d = t.dimension
@@ -138,7 +142,7 @@ class ContactParts:
 
     @property
     def sides(self) -> range:
-        """Return the numbers of the sides."""
+        """The numbers of the sides."""
         return range(len(self.facets))
 
     def facet(self, side: int) -> Ints:
@@ -146,8 +150,8 @@ class ContactParts:
         return self.facets[side][self.row[side]]
 
     def nodes(self, t: Simplices, side: int) -> tuple[Ints, Ints]:
-        """Return vertices and edges of the facets of a side, of whole ones at those of the parts,
-        see ``nodes_of_facets``.
+        """Return vertices and edges of the facet of each part on a side, see ``nodes_of_facets``;
+        for whole facets in the order of the vertices of the part.
         """
         nodes = t.nodes_of_facets[self.facet(side)]
         d = t.dimension
@@ -160,13 +164,13 @@ class ContactParts:
         return nodes[:, :d], nodes[:, d:]
 
     def on_parts(self, linear: Array, side: int = SLAVE) -> Array:
-        """Return functions that are linear on the facets of a side, shape (f, d, ...), at the
-        vertices of the parts.
+        """Return functions that are linear on the facets of a side, given at their vertices, shape
+        (f, d, ...), at the vertices of the parts, shape (m, d, ...).
         """
         return np.einsum("mka,ma...->mk...", self.local[side], linear[self.row[side]])
 
     def moments(self, values: Array, side: int = SLAVE) -> Array:
-        """Sums over the parts of what is given at their vertices, shape (m, d, ...), with the
+        """Return sums over the parts of values at their vertices, shape (m, d, ...), times the
         values of the hat functions of the facets of a side there, shape (f, d, ...).
         """
         total = np.zeros((len(self.facets[side]), *values.shape[1:]))
@@ -174,14 +178,14 @@ class ContactParts:
         return total
 
     def covered(self, side: int = SLAVE) -> Array:
-        """Return the area of the parts on each facet, shape (f,)."""
+        """Return the area of the parts on each facet of a side, shape (f,)."""
         return np.asarray(
             np.bincount(self.row[side], self.area, len(self.facets[side])), dtype=np.float64
         )
 
     def restricted(self, of_facets: Array, side: int) -> Array:
-        """Return coefficients of Bernstein on the parts from those on the facets of a side in the
-        order of ``facet``.
+        """Return Bernstein coefficients on the parts from those on the facets of a side, both in
+        the order of ``facet``.
         """
         d = self.normal.shape[1]
         nodes = np.concatenate((np.eye(d), np.eye(d)[EDGES_OF_FACET[d]].mean(axis=1)))
@@ -192,12 +196,17 @@ class ContactParts:
         return coefficients(values)
 
     def projected(self, traction: Array, side: int, area: Array) -> tuple[Array, Array]:
-        """Return the linear functions on the facets of a side that are closest to a traction that
-        is linear on the parts, at their vertices, stress, shape (m, d, d), and zero elsewhere: at
-        the vertices of the facets, shape (f, d, d); and the integrals of the squares of the
-        difference as shares of those of the function, shape (f,).
+        """Return the linear functions on the facets of a side that are closest to a traction, and
+        the relative error.
 
-        ``area``: of all facets.
+        The error is the integral of the square of the difference over that of the traction, shape
+        (f,).
+
+        Args:
+            traction: traction at the vertices of the parts, linear on them and zero elsewhere,
+                stress, shape (m, d, d).
+            side: the side.
+            area: areas of all facets.
         """
         areas = area[self.facets[side]]
         closest, missed, squares = _closest(
@@ -208,16 +217,17 @@ class ContactParts:
     def projected_on_pieces(
         self, traction: Array, side: int, rows: Ints, pieces: Array, areas: Array
     ) -> tuple[Array, Array]:
-        """Return ``projected`` on pieces of some facets, at the vertices of these, shape (n, p, d,
-        d), and the integrals of the squares of the difference over each facet, shape (n,).
+        """Return the closest functions that are linear on pieces of some facets, at the vertices of
+        the pieces, shape (n, p, d, d), and the integrals of the squares of the difference over each
+        facet, shape (n,).
 
         Args:
-            traction: at the vertices of the parts, stress, shape (m, d, d).
-            side: of the facets.
-            rows: of the facets, shape (n,).
-            pieces: barycentric coordinates of the vertices of the pieces, which are of one size,
+            traction: traction at the vertices of the parts, stress, shape (m, d, d).
+            side: the side of the facets.
+            rows: the facets, as rows of this side, shape (n,).
+            pieces: barycentric coordinates of the vertices of the pieces, which have equal size,
                 shape (p, d, d).
-            areas: of these facets, shape (n,).
+            areas: areas of these facets, shape (n,).
         """
         count = len(pieces)
         d = traction.shape[2]
@@ -250,14 +260,16 @@ class ContactParts:
 def _closest(
     values: Array, area: Array, local: Array, owner: Ints, areas: Array
 ) -> tuple[Array, Array, Array]:
-    """Return the functions linear on their owners that are closest to functions linear on parts, at
-    the vertices of the owners, and the integrals over the owners of the squares of the difference
-    and of the functions.
+    """Return the closest functions that are linear on facets (the owners) to functions that are
+    linear on parts, at the vertices of the owners, and the integrals over the owners of the squares
+    of the difference and of the functions.
 
-    ``values``: at the vertices of the parts.
-    ``area``: of the parts.
-    ``local``: barycentric coordinates of their vertices in the owners.
-    ``areas``: of the owners.
+    Args:
+        values: values at the vertices of the parts.
+        area: areas of the parts.
+        local: barycentric coordinates of their vertices in the owners.
+        owner: owner of each part.
+        areas: areas of the owners.
     """
     hats = with_hats(values, area)
     shape = (len(areas), *values.shape[1:])
@@ -270,8 +282,8 @@ def _closest(
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
-    """Return what segments or triangles share in pairs, (p, d, d - 1) to (m, d, d - 1), and the
-    pair of each, shape (m,).
+    """Return the overlaps of pairs of segments or triangles as segments or triangles, from shape
+    (p, d, d - 1) to (m, d, d - 1), and the pair that each belongs to, shape (m,).
     """
     if first.shape[1] == 2:
         lowest = np.maximum(first.min(axis=1), second.min(axis=1))
@@ -291,15 +303,17 @@ def _counterclockwise(corners: Array) -> Array:
 
 
 def _sizes(corners: Array) -> Array:
-    """Lengths or areas of simplices in a plane of facets, with signs, shape (m, d, d - 1) to
-    (m,).
-    """
+    """Return signed lengths of segments or areas of triangles, from shape (m, d, d - 1) to (m,)."""
     return np.linalg.det(corners[:, 1:] - corners[:, :1]) / factorial(corners.shape[2])
 
 
 def _barycentric(simplices: Array, points: Array) -> Array:
-    """Return coordinates of k points in each of some segments or triangles, (m, d, d - 1), (m, k, d
-    - 1) to (m, k, d).
+    """Return the barycentric coordinates of k points in each of m segments or triangles, shape (m,
+    k, d).
+
+    Args:
+        simplices: corners, shape (m, d, d - 1).
+        points: the points, shape (m, k, d - 1).
     """
     map_ = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
     inner = np.linalg.solve(map_[:, None], (points - simplices[:, :1])[..., None])[..., 0]
@@ -319,14 +333,16 @@ WEIGHTS: dict[int, Array] = {d: weights / weights.sum() for d, (_, weights) in _
 
 
 def bernstein(local: Array) -> Array:
-    """Return values of the polynomials at barycentric points, shape (q, d) to (q, 3) or (q, 6)."""
+    """Return values of the Bernstein polynomials of degree 2 at barycentric points, from shape (q,
+    d) to (q, 3) or (q, 6).
+    """
     a, b = EDGES_OF_FACET[local.shape[1]].T
     return np.column_stack((local**2, 2 * local[:, a] * local[:, b]))
 
 
 def coefficients(nodal: Array) -> Array:
-    """Return the coefficients of the polynomials with these values at vertices and at the middles
-    of edges, shape (m, 3 or 6, ...).
+    """Return the Bernstein coefficients of the quadratic polynomials with these values at vertices
+    and middles of edges, shape (m, 3 or 6, ...).
     """
     d = 2 if nodal.shape[1] == 3 else 3
     ends = nodal[:, :d]

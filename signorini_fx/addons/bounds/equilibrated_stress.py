@@ -1,9 +1,9 @@
 """A symmetric stress in equilibrium with given tractions, on triangles or tetrahedra.
 
-The stress is that of ``johnson_mercier``; its tractions are those of least complementary energy.
+The stress is that of ``johnson_mercier``, with the tractions of least complementary energy.
 Displacements on the facets, the multipliers of equal and opposite tractions, are the unknowns of
 one symmetric positive definite system (hybridisation), which is factorised.  So no constant of
-Korn's inequality enters.  Plain arrays, one rank.
+Korn's inequality enters.  It works with plain arrays on one rank.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class EquilibratedStress:
 def equilibrated(
     t: Simplices, held: Array, body: Array, traction: Array, prescribed: Array
 ) -> EquilibratedStress:
-    """Return the stress of least complementary energy among those of this kind in equilibrium with
-    loads.
+    """Return the stress of least complementary energy, among those of Johnson and Mercier, in
+    equilibrium with the loads.
 
     Args:
         t: the cells.
@@ -41,7 +41,7 @@ def equilibrated(
         body: integrals of the force per volume times the barycentric coordinates, force, shape (n,
             d + 1, d); the resultant of all loads on free motions must vanish.
         traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere,
-            stress, (f, d, d).
+            stress, shape (f, d, d).
         prescribed: the displacement at the vertices of held facets, as a linear function, length,
             shape (f, d, d).
     """
@@ -67,8 +67,8 @@ def equilibrated(
 def _moments(
     t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array
 ) -> Array:
-    """Return moments of each cell, out of it, equal and opposite but for loads on facets, force,
-    shape (n, d + 1, d, d).
+    """Return the moments of the tractions of each cell, which are equal and opposite between cells
+    except for loads on facets, force, shape (n, d + 1, d, d).
     """
     d = t.dimension
     size = t.facets.size * t.dimension
@@ -89,8 +89,8 @@ def _moments(
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
-    """Return the matrix with as many tied unknowns as free motions, where balanced loads cause no
-    force.
+    """Return the matrix with one unknown fixed for each free motion; balanced loads cause no force
+    there.
     """
     diagonal = matrix.diagonal()
     pins = np.zeros(matrix.shape[0])
@@ -110,13 +110,13 @@ def _round_off(
     tractions: Array,
     missed_share: Array,
 ) -> float:
-    """Return a bound of the work of what is not in equilibrium, per unit of the energy norm.
+    """Return a bound of the work of the imbalance due to round-off, per unit of the energy norm.
 
-    The forces and couples that a cell misses are carried from one to the next to a facet with a
-    support, or to a cell of a piece without one, by linear tractions: those with a resultant R and
-    a couple M about the middle of an edge of length l are at most R / l + 6 M / l^2, on a face of
-    area A and least height h R / A + 12 M / (A h).  The stress of each cell that balances these is
-    bounded by the norm of the map from moments to stresses.
+    The imbalance of each cell, force and couple, is passed from cell to cell to a facet with a
+    support, or to one cell of a piece without supports, by linear tractions: those with a resultant
+    R and a couple M about the middle of an edge of length l are at most R / l + 6 M / l^2, on a
+    face of area A and least height h R / A + 12 M / (A h).  The stress of each cell that balances
+    these is bounded by the norm of the map from moments to stresses.
     """
     d = t.dimension
     force = np.abs(tractions).max(axis=(1, 2)) * t.area
@@ -133,8 +133,8 @@ def _round_off(
 
 
 def _carried(t: Simplices, held: Ints, missed: Array) -> tuple[Array, Array]:
-    """Return bounds of the force that each cell passes on to the supports, and of its couple about
-    its centre, shapes (n,).
+    """Return bounds of the force that each cell passes on towards the supports, and of its couple
+    about the centre of the cell, both of shape (n,).
     """
     count = len(t.corners)
     centre = t.x[t.corners].mean(axis=1)

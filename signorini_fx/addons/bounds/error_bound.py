@@ -2,17 +2,17 @@
 Tresca friction.
 
 It is (B1) of docs/theory.md, the gap of the dual functionals (I. Ekeland and R. Temam, Convex
-Analysis and Variational Problems), of which every part is local and not negative, between two
-bodies with (B2).  v is the finite element solution without what it enters, w; with the solution
-itself in the first term only, the square of its error is at most the sum of (B1) plus that of |w|.
-tau is the stress of least complementary energy of ``equilibrated_stress`` with tractions made of
-the nodal pressures, and with liftings of what it does not hold of loads and tractions, of which the
-norms are known.  docs/theory.md lists what is assumed.  Of several ranks the first one bounds the
-whole.
+Analysis and Variational Problems), of which every part is local and not negative; between two
+bodies it is (B2).  v is the finite element solution minus w, which removes its penetration; if the
+solution itself is used in the first term only, the square of its error is at most the sum of (B1)
+and |w|^2. tau is the stress of least complementary energy of ``equilibrated_stress``, with
+tractions made of the nodal pressures; the loads and tractions that it cannot represent have
+liftings with known norms.  docs/theory.md lists the assumptions.  With several ranks the first one
+computes the bound of the whole body.
 
-Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the
-vertices: both sets are convex.  |v_t| is at most the quadratic with the sizes of the coefficients
-of Bernstein of v_t, for the same reason.
+Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere if they hold at the
+vertices: both sets are convex.  For the same reason |v_t| is at most the quadratic whose Bernstein
+coefficients are the magnitudes of those of v_t.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ ROUND_OFF = 64 * EPS
 
 @dataclass(frozen=True)
 class Admissible:
-    """A displacement v that does not enter foundations or other bodies."""
+    """A displacement v without penetration, with its contributions to the bound."""
 
     strain: Array  # at corners, shape (n, d + 1, 3 or 6)
     # its share of the gap of the functionals, twice, on the contact, energies, shape (n,)
@@ -73,14 +73,14 @@ class Admissible:
 def error_bound(
     model: Model, y: fem.Function, contact: ContactState | None, step: float = 0.0
 ) -> ErrorBound | str:
-    """Return the bound for a solution, with the squares of the cells that this rank owns; or why
+    """Return the bound for a solution, with the squares of the cells that this rank owns, or why
     there is none; collective.
 
     Args:
         model: the model.
         y: the displacement.
         contact: the contact points.
-        step: the place of the load step in the lists of factors.
+        step: position of the load step in the lists of factors.
     """
     bound = proved(model, y, contact, step, lambda problem: problem.bound())
     if isinstance(bound, str):
@@ -97,10 +97,16 @@ def proved(
     prove: Callable[[Bounded], T],
     named: str | None = None,
 ) -> T | str:
-    """Return what ``prove`` says of a solution, which can be sent, on all ranks, or why there are
-    no bounds; collective.
+    """Return the result of ``prove`` for a solution, on all ranks, or why there are no bounds;
+    collective.
 
-    ``named``: a boundary whose facets it looks at.
+    Args:
+        model: the model.
+        y: the displacement.
+        contact: the contact points.
+        step: position of the load step in the lists of factors.
+        prove: computes the result, which can be sent between ranks, on the first rank.
+        named: a boundary whose facets it needs.
     """
     try:
         if names := list(unbounded(model)):
@@ -116,10 +122,10 @@ def proved(
 
 
 class Bounded(PlainProblem):
-    """A problem with what bounds its error.
+    """A problem with everything that its bounds need.
 
     Attributes:
-        assumed: what the bound rests on beside the data, in words.
+        assumed: assumptions of the bound besides the data, in words.
     """
 
     def __init__(self, rows: Rows, model: Model, step: float) -> None:
@@ -132,8 +138,8 @@ class Bounded(PlainProblem):
 
     @cached_property
     def stress(self) -> EquilibratedStress:
-        """Return the stress in equilibrium with the loads and the tractions of the contacts, but
-        for ``lifted``.
+        """The stress in equilibrium with the loads and the tractions of the contacts, except for
+        the parts in ``lifted``.
         """
         t = self.t
         d = self.t.dimension
@@ -150,8 +156,8 @@ class Bounded(PlainProblem):
 
     @cached_property
     def lifted(self) -> Array:
-        """Bounds of the norms of the stresses in each cell that ``stress`` lacks, shape (n,): of
-        forces that are linear in it, and of tractions between facets that do not match.
+        """Bounds of the norms of the stresses that ``stress`` lacks in each cell, shape (n,): those
+        of forces that are linear in the cell, and of tractions between facets that do not match.
         """
         t = self.t
         norms = lifted_forces(t, self.body)
@@ -177,7 +183,7 @@ class Bounded(PlainProblem):
 
     @cached_property
     def admissible(self) -> Admissible:
-        """V, the better one of two that are tried."""
+        """The displacement v: the better one of two candidates."""
         far = np.abs(self.y).max() + max(
             (np.abs(surface.gap).max(initial=0.0) for surface in self.contacts), default=0
         )
@@ -189,7 +195,7 @@ class Bounded(PlainProblem):
         return min(tried, key=lambda one: float((one.contact + one.moved).sum()))
 
     def _beside(self, y: Array) -> Admissible:
-        """Return what a displacement that does not enter adds to the bound."""
+        """Return a displacement without penetration with its contributions to the bound."""
         t = self.t
         contact = np.zeros(len(self.t.corners))
         strain = self.t.strain_at_corners(y)
@@ -201,14 +207,12 @@ class Bounded(PlainProblem):
 
     @cached_property
     def strain(self) -> Array:
-        """Return the strain of the computed displacement at the corners, shape (n, d + 1,
-        3 or 6).
-        """
+        """The strain of the computed displacement at the corners, shape (n, d + 1, 3 or 6)."""
         return self.t.strain_at_corners(self.y)
 
     def between(self, strain: Array) -> Array:
-        """Return squares of the distance of the stress in equilibrium from that of a strain,
-        energies, shape (n,).
+        """Return the squared distance between the stress in equilibrium and the stress of a strain
+        in each cell, energies, shape (n,).
         """
         apart = np.sqrt(square(self.t, from_strain(self.t, strain) - self.stress.stress))
         return (apart + self.lifted) ** 2
@@ -220,11 +224,11 @@ class Bounded(PlainProblem):
 
     @cached_property
     def round_off(self) -> float:
-        """Bound of the work of what sums leave, per unit of the energy norm.
+        """Bound of the work of round-off in sums, per unit of the energy norm.
 
-        Strains are sums of displacements of corners beside that of the first one times gradients,
-        which are known up to the condition of a cell; none is larger than twice the slope of the
-        displacement.
+        Strains are sums of gradients times displacements of corners relative to the first one;
+        gradients are known up to the condition of a cell, and no strain is larger than twice the
+        slope of the displacement.
         """
         t = self.t
         d = self.t.dimension
@@ -240,20 +244,20 @@ class Bounded(PlainProblem):
 
     @cached_property
     def gap(self) -> float:
-        """Return twice the gap of the functionals of v and the stress, an energy."""
+        """Twice the gap of the functionals of v and the stress, an energy."""
         return float((self.admissible.contact + self.between(self.admissible.strain)).sum())
 
     @property
     def distance(self) -> float:
-        """Bound of the energy norm of v - u: A^2 + B^2 <= gap + 2 missed A, where B is the distance
-        of the stress.
+        """Bound of the energy norm A of v - u: A^2 + B^2 <= gap + 2 ``round_off`` A, where B is the
+        distance of the stress.
         """
         return self.round_off + float(np.hypot(np.sqrt(self.gap), self.round_off))
 
     @property
     def radius(self) -> float:
-        """Bound of the distance of the stress of the solution from the mean of those of v and in
-        equilibrium.
+        """Bound of the distance of the stress of the solution from the mean of the stress of v and
+        the stress in equilibrium.
         """
         contact = float(self.admissible.contact.sum())
         return float(
@@ -271,8 +275,8 @@ class Bounded(PlainProblem):
         return ErrorBound(total, self.size, duality, moved, self.round_off, squares, self.assumed)
 
     def _on_contact(self, surface: FacetsInContact, y: Array) -> Array:
-        """Return integrals of p (d - v_n) + g |v_t| - mu . v_t over the parts, energies, shape
-        (m,).
+        """Return integrals of p (d - v_n) + g |v_t| - mu . v_t over the parts of a contact,
+        energies, shape (m,).
         """
         d = self.t.dimension
         parts = surface.parts

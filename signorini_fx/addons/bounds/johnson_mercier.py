@@ -1,11 +1,12 @@
-"""Symmetric stresses on triangles or tetrahedra divided by their centroids, linear on the parts,
-from linear tractions on the facets and a force that is constant on the parts.
+"""Symmetric stresses on triangles or tetrahedra divided at their centroids: linear on the parts,
+with linear tractions on the facets and a force that is constant on each part.
 
 It is the element of Johnson and Mercier (C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116;
 in 3D M. Krizek, Apl. Mat. 27 (1982) 46-69; J. Gopalakrishnan, J. Guzman, J. J. Lee, The
-Johnson-Mercier elasticity element in any dimensions, 2024).  In 3D 96 numbers with 54 conditions
-between the parts leave 42, which tractions (36) and forces (12, of which 6 follow from balance)
-determine; in 2D 27 and 12 leave 15, which 12 and 6 (3) determine.
+Johnson-Mercier elasticity element in any dimensions, 2024).  In 3D it has 96 numbers with 54
+conditions between the parts; the remaining 42 are determined by tractions (36) and forces (12, of
+which 6 follow from balance).  In 2D 27 numbers with 12 conditions leave 15, determined by 12 and 6
+(3 follow from balance).
 """
 
 from __future__ import annotations
@@ -34,16 +35,16 @@ _CHUNK = 3_500_000
 
 
 class LocalStress:
-    """The cells one by one: moments of tractions, integrals times the hat functions of the vertices
-    of facets.
+    """The stresses of cells, one by one, in terms of the moments of their tractions: integrals
+    times the hat functions of the vertices of facets.
 
-    Similar triangles have the same matrices, so that those of the first of the parts of each cell
-    of the mesh, m of them, are enough.  A cell has k = d^2 (d + 1) moments.
+    Similar triangles have the same matrices, so that only those of the first part of each of the m
+    cells of the mesh are stored.  A cell has k = d^2 (d + 1) moments.
 
     Attributes:
-        places: of the moments of each cell among those of all facets, facet and vertex, shape (n, d
-            + 1, d).
-        compliance: moments per displacement of the vertices of the facets, balanced, force per
+        places: position of the moments of each cell among those of all facets, by facet and vertex,
+            shape (n, d + 1, d).
+        compliance: balanced moments per displacement of the vertices of the facets, force per
             length, shape (m, k, k).
         energy: traces of the squares of the norm per square of the moments, shape (m,).
     """
@@ -69,7 +70,7 @@ class LocalStress:
             self._invert(slice(first, min(first + step, n)))
 
     def _invert(self, chunk: slice) -> None:
-        """Compliance of some cells: least energy with balanced moments."""
+        """Compute the matrices of some cells: those of least energy with balanced moments."""
         # Stresses of thin cells grow with the square of their aspect: a factor of the energy is
         # inverted, not itself.
         t = self._t
@@ -113,7 +114,7 @@ class LocalStress:
         self._alone[chunk] = opposite - root_of_compliance @ (q.transpose(0, 2, 1) @ beside)
 
     def _root_of_energy(self, chunk: slice) -> Array:
-        """Return the matrices from stresses of reference cells to vectors whose squares are the
+        """Return the matrices from stresses of reference cells to vectors whose squared norm is the
         energy, shape (n, 3 or 6, 3 or 6).
         """
         t = self._t
@@ -125,8 +126,8 @@ class LocalStress:
         return root @ self._turn[chunk]
 
     def _weighted(self, root: Array, stress: Array) -> Array:
-        """Return vectors whose squares are the energy, (n, rows, k), of stresses of reference cells
-        at corners of parts.
+        """Return vectors whose squared norm is the energy, shape (n, rows, k), from stresses of
+        reference cells at corners of parts.
         """
         count = self._t.dimension + 1
         n, _, _, k = stress.shape
@@ -137,11 +138,12 @@ class LocalStress:
         )
 
     def alone(self, body: Array) -> Array:
-        """Return moments in balance with a body force where the vertices of the facets do not move,
+        """Return the moments that balance a body force if the vertices of the facets do not move,
         force, shape (n, k).
 
         Args:
-            body: its integrals times the barycentric coordinates, force, shape (n, d + 1, d).
+            body: integrals of the body force times the barycentric coordinates, force, shape (n, d
+                + 1, d).
         """
         # The triangle between three similar ones is turned by half a turn, which changes no sign
         # here.
@@ -149,13 +151,15 @@ class LocalStress:
         return moments.reshape(len(body), -1)
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
-        """Return the stress on each part, opposite its corner, at the corners of the part, those of
-        the facet, and the centroid, shape (n, d + 1, d + 1, 3 or 6), and the share of its data that
-        it misses, by cell, shape (n,).
+        """Return the stress on each part of the cells, and the share of its data that it misses in
+        each cell, shape (n,).
+
+        The stress has shape (n, d + 1, d + 1, 3 or 6): parts are opposite their corner of the cell;
+        it is given at the corners of the part, those of the facet and the centroid.
 
         Args:
-            tractions: at the vertices of the facets of each cell, out of it, stress, shape (n, d +
-                1, d, d).
+            tractions: tractions at the vertices of the facets of each cell, out of it, stress,
+                shape (n, d + 1, d, d).
             body: see ``alone``.
         """
         t = self._t
@@ -180,8 +184,8 @@ class LocalStress:
 
 
 def turn_of(f: Array) -> Array:
-    """Return the matrices from the components of symmetric tensors s to those of F s F^T, shape (n,
-    3, 3) or (n, 6, 6).
+    """Return the matrices that map the components of symmetric tensors s to those of F s F^T, shape
+    (n, 3, 3) or (n, 6, 6).
     """
     rows = ROWS[f.shape[1]]
     columns = COLUMNS[f.shape[1]]
@@ -191,14 +195,16 @@ def turn_of(f: Array) -> Array:
 
 
 def _resultants(arm: Array) -> Array:
-    """Force, and couple by the arms, of forces at q points, shape (n, 3 or 6, d q)."""
+    """Return the matrices from forces at q points to their resultant force, and their couple by the
+    arms, shape (n, 3 or 6, d q).
+    """
     n, q, d = arm.shape
     return motions_of(arm).transpose(0, 3, 1, 2).reshape(n, -1, q * d)
 
 
 def slopes_of_parts(d: int) -> Array:
-    """Return gradients of the barycentric coordinates of each part of the reference cell: of the
-    corners of its facet, and of the centroid, shape (d + 1, d + 1, d).
+    """Return gradients of the barycentric coordinates of each part of the reference cell, those of
+    the corners of its facet and that of the centroid, shape (d + 1, d + 1, d).
     """
     corners = CORNERS_OF_PARTS[d][..., 1:]  # those of the reference cell are 0 and the unit vectors
     slopes = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
@@ -206,8 +212,8 @@ def slopes_of_parts(d: int) -> Array:
 
 
 def tensor_times(vector: Array) -> Array:
-    """Return the matrix from the components of a symmetric tensor to its product with a vector,
-    shape (d, 3 or 6).
+    """Return the matrix that maps the components of a symmetric tensor to its product with a
+    vector, shape (d, 3 or 6).
     """
     rows = ROWS[len(vector)]
     columns = COLUMNS[len(vector)]
@@ -219,10 +225,12 @@ def tensor_times(vector: Array) -> Array:
 
 
 def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
-    """Return the equations of stresses of degree 1 or 2 on the parts of the reference cell, from
-    values at the vertices of the parts and at the middles of their edges: tractions on the facets
-    at these nodes, times the area; the jumps of tractions at facets between parts; divergences, of
-    degree 2 at the corners of the parts.
+    """Return the equations of stresses of degree 1 or 2 on the parts of the reference cell, as
+    three matrices.
+
+    They map stresses at the vertices of the parts, and for degree 2 at the middles of their edges,
+    to: tractions on the facets at these nodes, times the area; jumps of tractions at facets between
+    parts; divergences, for degree 2 at the corners of the parts.
     """
     count = d + 1
     slopes = slopes_of_parts(d)
@@ -232,7 +240,7 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
     _, derivatives = lagrange(d, degree, np.eye(count)[:, 1:])
 
     def row(*entries: tuple[int, int, Array]) -> Array:
-        """Return products of the stresses of parts at nodes with vectors."""
+        """Return the matrix of the sum of products of stresses of parts at nodes with vectors."""
         tensors = np.zeros((d, count, len(nodes), len(ROWS[d])))
         for part, node, vector in entries:
             tensors[:, part, node] = tensor_times(vector)
@@ -262,10 +270,10 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
 @cache
 def reference(d: int) -> tuple[Array, Array]:
     """Return the matrix from tractions at the vertices of the facets and divergences of the parts
-    to the stress of the reference cell, shape (27, 18) or (96, 48), and the conditions with their
-    right-hand sides, shape (30, 27 + 18) or (102, 96 + 48).
+    to the stress of the reference cell, and the conditions with their right-hand sides.
 
-    The conditions determine the stress; they are compatible if the cell is in equilibrium.
+    Shapes are (27, 18) and (30, 27 + 18) in 2D, (96, 48) and (102, 96 + 48) in 3D.  The conditions
+    determine the stress; they are compatible if the cell is in equilibrium.
     """
     outer, inner, divergences = equations(d, 1)
     conditions = np.concatenate((outer, inner, divergences))
@@ -277,7 +285,7 @@ def reference(d: int) -> tuple[Array, Array]:
 
 def forces_of_parts(d: int) -> Array:
     """Return the matrix from integrals times barycentric coordinates, over the volume, to constants
-    on the parts.
+    on the parts, shape (d + 1, d + 1).
     """
     share = (np.full((d + 1, d + 1), d + 2.0) - (d + 1) * np.eye(d + 1)) / (
         d + 1
@@ -286,15 +294,15 @@ def forces_of_parts(d: int) -> Array:
 
 
 def constant_forces(t: Simplices, body: Array) -> Array:
-    """Return the force per volume, constant on parts, with given integrals times barycentric
-    coordinates, (n, d + 1, d).
+    """Return the force per volume, constant on parts, that has given integrals times barycentric
+    coordinates, shape (n, d + 1, d).
     """
     return np.einsum("ij,njd->nid", forces_of_parts(t.dimension), body) / t.volume[:, None, None]
 
 
 def from_strain(t: Simplices, strain: Array) -> Array:
-    """Return the stress on the parts of cells at their corners, see ``LocalStress.stress``, of
-    linear strains at corners.
+    """Return the stress of linear strains, given at the corners of cells, on the parts at their
+    corners, see ``LocalStress.stress``.
     """
     corner_stress = t.moduli.stress(strain)
     centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], t.dimension + 1, axis=1)
@@ -302,8 +310,8 @@ def from_strain(t: Simplices, strain: Array) -> Array:
 
 
 def square(t: Simplices, stress: Array) -> Array:
-    """Return integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape
-    (n,).
+    """Return integrals of sigma : C^-1 sigma over each cell, from stresses on its parts, energies,
+    shape (n,).
     """
     d = t.dimension
     strain = t.moduli.strain(stress) * TWICE[t.dimension]
@@ -314,5 +322,7 @@ def square(t: Simplices, stress: Array) -> Array:
 
 
 def energy(t: Simplices, strain: Array) -> Array:
-    """Return squares of energy norms of linear strains at corners, by cell, see ``square``."""
+    """Return squares of energy norms of linear strains, given at corners, for each cell, see
+    ``square``.
+    """
     return square(t, from_strain(t, strain))

@@ -1,33 +1,33 @@
-"""Bounds of the work of what stresses of Johnson and Mercier do not hold: tractions on facets, and
-forces in cells.
+"""Bounds of the work of tractions on facets and forces in cells that stresses of Johnson and
+Mercier cannot represent.
 
-A traction r that is orthogonal to linear vectors on a facet F of K does no work on rigid motions of
-K.  Its work on a displacement v is at most the norm of a *lifting*, a symmetric stress in K without
-divergence, with the traction r on F and none on the other facets, times the energy norm of v in K.
-F is divided into m parts in 2D, into m^2 triangles in 3D, that are similar to it, in 3D every other
-one turned, and
+A traction r that is orthogonal to linear vectors on a facet F of a cell K does no work on rigid
+motions of K.  Its work on a displacement v is at most the norm of a *lifting* times the energy norm
+of v in K: a symmetric stress in K without divergence, with the traction r on F and none on the
+other facets.  F is divided into parts that are similar to it: m in 2D, m^2 triangles in 3D, where
+every other one is turned, and
 
     r = (Pi r) + (r - Pi r),
 
-Pi the projection onto functions that are linear on each of them.  The first part is lifted by
+where Pi is the projection onto functions that are linear on each part.  The first term is lifted by
 stresses of Johnson and Mercier in K divided into m^d cells.  The second one is orthogonal to linear
-vectors on each part; it is lifted in the same way in cells of which these are facets, with apexes
-so that they do not meet: for a part like F one like K, for a turned one one like K', the
-tetrahedron of F turned by half a turn about its centroid c with the apex of K (its corners are 2 c
-- p_i).  Those of K' are like K' and, for turned ones, like K.  So the largest norms per |r|, c_K
-  and c_K', are at most those of Pi r, C_K and C_K', and q = 1 / sqrt(m) times one of both, and as
-  both parts are orthogonal
+vectors on each part; it is lifted in the same way in cells of which these parts are facets, with
+apexes chosen so that the cells do not meet: for a part like F a cell like K, for a turned one a
+cell like K', the tetrahedron of F turned by half a turn about its centroid c with the apex of K
+(its corners are 2 c - p_i).  The cells for K' are like K' and, for turned parts, like K.  So the
+largest norms per |r|, c_K and c_K', are at most those of Pi r, C_K and C_K', plus q = 1 / sqrt(m)
+times one of the two, and as both terms are orthogonal
 
     max(c_K, c_K')^2 <= max(C_K, C_K')^2 + q^2 max(c_K, c_K')^2.
 
 They are finite by Korn's inequality.
 
 The stress of ``johnson_mercier`` balances forces that are constant on the parts of a cell, which
-are between its facets and its centroid.  Of one that is linear in it a force r is left, orthogonal
-to linear vectors.  Its work on a displacement is at most the norm of a *lifting* times the energy
-norm of the displacement.  A lifting is a symmetric stress with the divergence -r and no traction on
-the facets.  Stresses of degree 2 on the parts have such liftings: those of one reference cell are
-turned into those of others as A s A^T, of which the divergence is A (div s).
+are between its facets and its centroid.  A force that is linear in the cell leaves a rest r,
+orthogonal to linear vectors.  Its work on a displacement is at most the norm of a *lifting* times
+the energy norm of the displacement, where the lifting is a symmetric stress with the divergence -r
+and no traction on the facets.  Stresses of degree 2 on the parts contain such liftings: those of
+one reference cell are mapped to other cells as A s A^T, whose divergence is A (div s).
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ _CHUNK = 16
 
 @dataclass(frozen=True)
 class DividedFacet:
-    """A facet divided into parts, p = m^(d - 1) of them, and a cell on it into m^d."""
+    """A facet divided into p = m^(d - 1) parts, and a cell on it divided into m^d cells."""
 
     times: int  # m
     # barycentric coordinates of the vertices of its parts, in the order of those of the facet that
@@ -83,9 +83,7 @@ class DividedFacet:
 
 @cache
 def divided_facet(d: int, m: int) -> DividedFacet:
-    """Return the division of a facet of cells in d dimensions, into so many parts along
-    each edge.
-    """
+    """Return the division of a facet of cells in d dimensions into m parts along each edge."""
     places = [np.array(counts) for counts in product(range(m + 2), repeat=d)]
     straight = [counts + np.eye(d) for counts in places if counts.sum() == m - 1]
     turned = [
@@ -112,7 +110,7 @@ def divided_facet(d: int, m: int) -> DividedFacet:
 
 
 def _mass(d: int) -> Array:
-    """Mean values of the products of the d hat functions of a simplex."""
+    """Return mean values of the products of the d hat functions of a simplex, shape (d, d)."""
     return (np.ones((d, d)) + np.eye(d)) / (d * (d + 1))
 
 
@@ -128,8 +126,12 @@ class Liftings:
 
     @classmethod
     def of(cls, corners: Array, moduli: Moduli, m: int) -> Liftings:
-        """Return the liftings of cells with corners, that opposite the facet last, shape (n, d + 1,
-        d), and m parts along each edge.
+        """Return the liftings of cells with m parts along each edge.
+
+        Args:
+            corners: corners of the cells, the one opposite the facet last, shape (n, d + 1, d).
+            moduli: moduli of the cells.
+            m: number of parts along each edge.
         """
         n = len(corners)
         d = corners.shape[2]
@@ -161,7 +163,7 @@ class Liftings:
         Args:
             values: the projections of the tractions, at the vertices of the parts, shape (n, p, d,
                 d).
-            missed: integrals of the squares of what they are not, shape (n,).
+            missed: integrals of the squares of the differences from the tractions, shape (n,).
         """
         n = len(values)
         d = values.shape[3]
@@ -180,7 +182,7 @@ def _areas(corners: Array) -> Array:
 
 
 def rounded(corners: Array, moduli: Moduli) -> Array:
-    """Round-off of forms as a share of their norm, see ``ROUNDED_FORMS``, shape (n,)."""
+    """Return the round-off of forms relative to their norm, see ``ROUNDED_FORMS``, shape (n,)."""
     d = corners.shape[2]
     # The edges from the first corner of a regular cell have cosines of one half between them.
     regular = np.linalg.cholesky((np.ones((d, d)) + np.eye(d)) / 2).T
@@ -191,7 +193,7 @@ def rounded(corners: Array, moduli: Moduli) -> Array:
 
 
 def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
-    """``Liftings.forms`` of some cells, shape (n, d^2 p, d^2 p)."""
+    """Return ``Liftings.forms`` of some cells, shape (n, d^2 p, d^2 p)."""
     n = len(corners)
     d = corners.shape[2]
     vertices = len(facet.x)
@@ -238,10 +240,12 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
 
 
 def _reference_liftings(d: int) -> Array:
-    """Return stresses in the reference cell that lift the forces e_i (l_j - Q l_j), where l_j is
-    the barycentric coordinate of the j-th unit vector and Q l_j the constants on the parts with its
-    moments, number d i + j: at the vertices and the middles of the edges, in the order of
-    ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
+    """Return the stresses in the reference cell that lift the forces e_i (l_j - Q l_j), shape (d^2,
+    d + 1, nodes, 3 or 6).
+
+    l_j is the barycentric coordinate of the j-th unit vector, and Q l_j are the constants on the
+    parts with its moments; the number of a force is d i + j.  Nodes are the vertices and the
+    middles of the edges of the parts, in the order of ``EDGES``.
     """
     count = d + 1
     equilibrium = equations(d, 2)
@@ -256,8 +260,8 @@ def _reference_liftings(d: int) -> Array:
 
 @cache
 def _products(d: int) -> Array:
-    """Means over the cell of the products of the components c and e of the liftings i and j, shape
-    (c, e, i, j).
+    """Return means over the cell of the products of the components c and e of the liftings i and j,
+    shape (c, e, i, j).
     """
     liftings = _reference_liftings(d)
     points, weights = basix.make_quadrature(CELLS[d], 4)
@@ -267,10 +271,12 @@ def _products(d: int) -> Array:
 
 
 def lifted_forces(t: Simplices, linear: Array) -> Array:
-    """Return bounds of the norms of what lifts the rest of forces that are linear in cells, by
+    """Return bounds of the norms of the liftings for forces that are linear in cells, for each
     cell, roots of energies, shape (n,).
 
-    ``linear``: force per volume at their corners, shape (n, d + 1, d).
+    Args:
+        t: the cells.
+        linear: force per volume at their corners, shape (n, d + 1, d).
     """
     d = t.dimension
     slopes = np.linalg.solve(

@@ -1,8 +1,8 @@
-"""Displacements that are linear on cells: those of the smallest energy among those with given
-components, and the rigid motions that supports leave to each piece of a body.
+"""Displacements that are linear on cells: those of the smallest energy with given components, and
+the rigid motions that supports leave free.
 
-Cells pass forces to each other through the edges or faces that they share, so that each piece is a
-body of its own: it has its own free motions, its own balance of forces and its own bound.
+Cells transmit forces through the edges or faces that they share, so that each connected piece has
+its own free motions, its own balance of forces and its own bound.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ Given = tuple[Ints, Array, Array]
 
 
 def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
-    """Return the displacement at the vertices of least energy with given components, which leave no
-    rigid motion free, length, shape (v, d), and how far it is from what is given at most, length.
+    """Return the displacement of least energy with given components, at the vertices, length, shape
+    (v, d), and its largest difference from the given values, length.
+
+    The given components must leave no rigid motion free.
     """
     count, d = t.x.shape
     weight = np.zeros((count, d, d))
@@ -51,11 +53,12 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
 
 
 def free_basis(turn: Array, fixed: Flags) -> sp.csr_matrix:
-    """Return displacements of v vertices from their free components, shape (d v, components).
+    """Return the matrix from free components to displacements of v vertices, shape (d v,
+    components).
 
     Args:
         turn: directions of components, one per column, shape (v, d, d).
-        fixed: which are not free, shape (v, d).
+        fixed: which components are not free, shape (v, d).
     """
     count, d = fixed.shape
     numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
@@ -68,8 +71,8 @@ def free_basis(turn: Array, fixed: Flags) -> sp.csr_matrix:
 
 
 def _stiffness(t: Simplices) -> sp.csr_matrix:
-    """Return the stiffness of displacements that are linear on the cells, force per length, shape
-    (d v, d v).
+    """Return the stiffness matrix of displacements that are linear on the cells, force per length,
+    shape (d v, d v).
     """
     d = t.x.shape[1]
     rows = ROWS[d]
@@ -87,10 +90,12 @@ def _stiffness(t: Simplices) -> sp.csr_matrix:
 
 
 def free_motions(t: Simplices, held: Array) -> Array:
-    """Return an orthonormal basis of the rigid motions of one piece each that held facets leave
-    free, shape (d v, k).
+    """Return an orthonormal basis of the rigid motions that held facets leave free, each of one
+    piece, shape (d v, k).
 
-    ``held``: projectors onto the directions in which facets are held, shape (f, d, d).
+    Args:
+        t: the cells.
+        held: projectors onto the directions in which facets are held, shape (f, d, d).
     """
     d = t.x.shape[1]
     held_facets = np.flatnonzero(held.any(axis=(1, 2)))
@@ -112,7 +117,8 @@ def free_motions(t: Simplices, held: Array) -> Array:
 
 
 def solved(symmetric: sp.csr_matrix, right: Array) -> Array:
-    """Return the solution by the fastest factorisation that this PETSc has, shape (n,).
+    """Return the solution of a symmetric system, by the fastest factorisation of this PETSc, shape
+    (n,).
 
     Raises:
         PETSc.Error: the factorisation broke down.

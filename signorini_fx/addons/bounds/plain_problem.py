@@ -1,8 +1,8 @@
 """A scene with its solution as plain arrays: displacement, supports, loads and contact on triangles
 or tetrahedra.
 
-Each rank gives what is of its own cells: corners by their global numbers, and all else at these.
-The first one, where all is bounded, makes the problem of these rows.
+Each rank contributes the rows of its own cells: corners by their global numbers, and all values at
+these.  The first rank, which computes the bounds, makes the problem of these rows.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def on_first_rank(
     prove: Callable[[Rows], T],
     named: str | None,
 ) -> T:
-    """Return what ``prove`` says of the arrays of all ranks, see ``error_bound.proved``;
+    """Return the result of ``prove`` for the arrays of all ranks, see ``error_bound.proved``;
     collective.
 
     Raises:
@@ -89,8 +89,8 @@ def _of_points(contact: ContactState) -> Rows:
 
 
 def _of_facets(model: Model, named: str | None) -> Rows:
-    """Return facets of the own cells of this rank by their vertices, shape (m, d), of boundaries
-    and sides of contacts.
+    """Return the facets of the own cells of this rank by their vertices, shape (m, d), for
+    boundaries with loads or supports and for the sides of contacts.
     """
     statement = model.statement
     tagged = model.tagged
@@ -123,15 +123,17 @@ def _of_facets(model: Model, named: str | None) -> Rows:
 
 
 def _numbers(model: Model, nodes: Ints) -> Ints:
-    """Global numbers of nodes of the mesh of this rank."""
+    """Return the global numbers of nodes of the mesh of this rank."""
     names = model.tagged.mesh.geometry.index_map().local_to_global(nodes.ravel().astype(np.int32))
     return np.asarray(names, dtype=np.int64).reshape(nodes.shape)
 
 
 def _of_cells(model: Model, y: fem.Function) -> Rows:
-    """Return corners and their places, the displacement there and at the middles of edges in the
-    order of ``EDGES``, the mass per volume, and Lame's parameters, or stiffness in the components
-    ``ROWS`` and ``COLUMNS``.
+    """Return the data of the cells of this rank.
+
+    These are their corners with positions, the displacement there and at the middles of edges in
+    the order of ``EDGES``, the mass per volume, and Lame's parameters, or the stiffness in the
+    components ``ROWS`` and ``COLUMNS``.
     """
     tagged = model.tagged
     d = model.tagged.dimension
@@ -180,7 +182,7 @@ _ON_HALVES: Array = np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2
 
 @dataclass
 class FacetsInContact:
-    """The facets of one contact."""
+    """The facets of one contact, with its gap and its tractions."""
 
     parts: ContactParts  # where it is, m of them, on f facets with contact points
     gap: Array  # coefficients of Bernstein on the parts, length, shape (m, 3 or 6)
@@ -196,16 +198,16 @@ class FacetsInContact:
 
     @property
     def traction(self) -> Array:
-        """Return the traction on the first body at the vertices of the parts, stress, shape (m, d,
-        d).
-        """
+        """The traction on the first body at the vertices of the parts, stress, shape (m, d, d)."""
         pressure = self.parts.on_parts(self.pressure)
         shear = self.parts.on_parts(self.shear)
         return -pressure[:, :, None] * self.parts.normal[:, None] - shear
 
     def excess(self, displacement: Array) -> Array:
-        """Return coefficients of Bernstein of what a displacement is beyond the foundation or the
-        other body, from its own, length, shape (m, c).
+        """Return Bernstein coefficients of the penetration of a displacement, length, shape (m, c).
+
+        Args:
+            displacement: Bernstein coefficients of the displacement relative to the other side.
         """
         return matvec(displacement, self.parts.normal) - self.gap
 
@@ -214,8 +216,8 @@ class FacetsInContact:
         k) and (f, d, d, k).
 
         Args:
-            motions: linear displacements at the vertices of the parts, relative to the other side,
-                length, shape (m, d, d, k).
+            motions: k linear displacements at the vertices of the parts, relative to the other
+                side, length, shape (m, d, d, k).
         """
         parts = self.parts
         moments = with_hats(motions, parts.area)
@@ -225,18 +227,18 @@ class FacetsInContact:
 
 
 class PlainProblem:
-    """A scene with its solution.
+    """A scene with its solution as plain arrays.
 
     Attributes:
         t: the cells; triangles of degree 2 are divided.
         y: the displacement at vertices, and at the middles of edges, length, shape (v + e, d).
         held: projectors onto the directions in which supports hold facets, shape (f, d, d).
         body: force per volume at the corners of the cells, shape (n, d + 1, d).
-        traction: of loads at the vertices of the facets, without what supports take of it, stress,
-            shape (f, d, d).
-        named: the facets of the boundary that is asked for.
+        traction: traction of loads at the vertices of the facets, without the part that supports
+            take, stress, shape (f, d, d).
+        named: the facets of the requested boundary.
         contacts: the contacts of the scene, in its order.
-        cells: how many the mesh has.
+        cells: number of cells of the mesh.
     """
 
     def __init__(self, rows: Rows, model: Model, step: float) -> None:
@@ -280,16 +282,18 @@ class PlainProblem:
         return with_hats(self.body, self.t.volume)
 
     def work(self, y: Array) -> float:
-        """Return the work of the loads on a displacement that is linear on the cells, at the
-        vertices, shape (v, d), an energy.
+        """Return the work of the loads on a displacement that is linear on the cells, an energy.
+
+        Args:
+            y: the displacement at the vertices, length, shape (v, d).
         """
         t = self.t
         on_facets = np.einsum("fad,fad->", with_hats(self.traction, t.area), y[t.facets])
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
 
     def relative(self, surface: FacetsInContact, y: Array) -> Array:
-        """Return coefficients of Bernstein of a displacement of degree 2 relative to the other
-        body, on parts.
+        """Return Bernstein coefficients on the parts of a contact of a displacement of degree 2,
+        relative to the other body.
         """
         parts = surface.parts
         nodes = self.t.nodes_of_facets
@@ -300,7 +304,9 @@ class PlainProblem:
         return of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE]
 
     def _undivided(self, name: str) -> Ints:
-        """Return facets of the undivided cells that rows with a name are."""
+        """Return the numbers of the facets in the rows of this name, among those of the undivided
+        cells.
+        """
         t = self._given
         return np.searchsorted(
             t.keys(t.facets), t.keys(np.searchsorted(self._numbers, self._rows[name]))
@@ -311,7 +317,9 @@ class PlainProblem:
         return self._halves[self._undivided(name)].ravel()
 
     def _loads(self) -> tuple[Array, Array]:
-        """Force per volume at corners, and per area at the vertices of facets."""
+        """Return the force per volume at the corners of cells, and per area at the vertices of
+        facets.
+        """
         t = self.t
         mass = np.tile(self._rows["mass"], self.t.parts)
         body = np.zeros((*t.corners.shape, t.dimension))
@@ -334,8 +342,8 @@ class PlainProblem:
         return body, traction @ (np.eye(t.dimension) - self.held)
 
     def _supports(self) -> Array:
-        """Projectors onto the directions that supports hold, where the displacement is what they
-        prescribe.
+        """Return projectors onto the directions that supports hold; the displacement must agree
+        with the prescribed values there.
         """
         t = self.t
         missed = 0.0
@@ -417,8 +425,8 @@ class PlainProblem:
     def _linear(
         self, undivided: Ints, points: Array, values: Array, *, positive: bool = False
     ) -> Array:
-        """Linear functions from values at points of a contact, at vertices of facets, shape (m, d,
-        ...).
+        """Return linear functions at the vertices of facets from values at the points of a contact,
+        shape (m, d, ...).
         """
         t = self.t
         given = self._given
@@ -451,10 +459,12 @@ class PlainProblem:
         return matvec(x[MASTER] - x[SLAVE], parts.normal)
 
     def _refuse_pair(self, covered: float, parts: ContactParts, *, acts: bool) -> None:
-        """Refuse sides that the proof does not know.
+        """Refuse two sides for which the bound is not proved.
 
-        ``covered``: area.
-        ``acts``: whether the contact has friction.
+        Args:
+            covered: area in which the solver couples both sides.
+            parts: the parts of the contact.
+            acts: whether the contact has friction.
         """
         if abs(float(parts.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
             raise refused("sides of two bodies that neither match nor are flat and parallel")
@@ -465,12 +475,14 @@ class PlainProblem:
 
 
 def _sampled(value: Any, x: Array) -> Array:
-    """Return a number or an expression at points, shapes (m, q, d) to (m, q)."""
+    """Return the values of a number or an expression at points, from shape (m, q, d) to (m, q)."""
     return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
 
 
 def _inside(x: Array) -> Array:
-    """Points inside simplices, half-way from their centroids to their corners, shape (m, k, d)."""
+    """Return points inside simplices, half-way from their centroids to their corners, shape (m, k,
+    d).
+    """
     return (x + x.mean(axis=1, keepdims=True)) / 2
 
 
@@ -482,9 +494,15 @@ def _from_inside(values: Array) -> Array:
 
 
 def _density(load: ForceDensity, x: Array, normal: Array, mass: Array, area: float) -> Array:
-    """Return the density of a load at vertices x of m cells or facets, seen from inside, (m, k, d).
+    """Return the density of a load at the vertices of m cells or facets, as its limit from inside,
+    shape (m, k, d).
 
-    ``area``: of the boundary.
+    Args:
+        load: the load.
+        x: the vertices, shape (m, k, d).
+        normal: normals of the facets, shape (m, d).
+        mass: mass per volume, shape (m,).
+        area: area of the boundary.
     """
     for value in load.given.values():
         refuse_jumps(value, x, load.label)

@@ -1,9 +1,8 @@
 """Triangles or tetrahedra of a body as plain arrays: geometry, Hooke's law, strains of
 displacements of degree 2.
 
-What is of cells has n rows, of facets f, of edges e, of vertices v; facets are edges in 2D and
-faces in 3D,
-and volumes and areas are areas and lengths in 2D.
+Arrays of cells have n rows, of facets f, of edges e, of vertices v; facets are edges in 2D and
+faces in 3D, and volumes and areas are areas and lengths in 2D.
 """
 
 from __future__ import annotations
@@ -50,16 +49,14 @@ TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in
 
 @dataclass(frozen=True)
 class Moduli:
-    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of
-    them.
-    """
+    """Hooke's law of n cells, in the m components ``ROWS`` and ``COLUMNS`` of epsilon and sigma."""
 
     stiffness: Array  # stresses from strains, shape (n, m, m)
     compliance: Array  # its inverse
 
     @classmethod
     def isotropic(cls, lame: Array, mu: Array, dimension: int) -> Moduli:
-        """Return the moduli of lambda and mu, stresses, shape (n,)."""
+        """Return the moduli for Lame's parameters lambda and mu, stresses, shape (n,)."""
         unit = np.eye(len(ROWS[dimension]))
         normal = (ROWS[dimension] == COLUMNS[dimension]).astype(np.float64)
         mean = np.outer(normal, normal)
@@ -72,7 +69,7 @@ class Moduli:
 
     @property
     def stiffest(self) -> Array:
-        """More than the largest sigma : epsilon over epsilon : epsilon, stress, shape (n,)."""
+        """An upper bound of sigma : epsilon over epsilon : epsilon, stress, shape (n,)."""
         return np.trace(self.stiffness, axis1=1, axis2=2)
 
     def stress(self, strain: Array) -> Array:
@@ -111,7 +108,7 @@ class Simplices:
     )  # edges of each cell in the order of ``EDGES``, shape (n, 3 or 6)
 
     def __post_init__(self) -> None:
-        """Facets and edges are numbered."""
+        """Number facets and edges."""
         for name, parts in (("facets", FACETS), ("edges", EDGES)):
             vertices = np.sort(self.corners[:, parts[self.dimension]], axis=2)
             _, first, inverse = np.unique(
@@ -122,23 +119,25 @@ class Simplices:
 
     @property
     def dimension(self) -> int:
-        """2 or 3."""
+        """The dimension, 2 or 3."""
         return int(self.x.shape[1])
 
     def keys(self, vertices: Ints) -> Ints:
-        """Return a number for each edge or facet, by which they are in ascending order, from its
-        vertices, ascending.
+        """Return a number for each edge or facet from its ascending vertices; edges and facets are
+        sorted by it.
         """
         return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
 
     @cached_property
     def nodes_of(self) -> Ints:
-        """Vertices, and edges after all vertices, of each cell, shape (n, 6 or 10)."""
+        """The nodes of each cell: vertices, and edges with numbers after all vertices, shape (n, 6
+        or 10).
+        """
         return np.column_stack((self.corners, len(self.x) + self.edges_of))
 
     @cached_property
     def nodes_of_facets(self) -> Ints:
-        """Return the nodes of each facet, edges in the order of ``EDGES_OF_FACET``, shape (f, 3 or
+        """The nodes of each facet, with edges in the order of ``EDGES_OF_FACET``, shape (f, 3 or
         6).
         """
         edges = np.searchsorted(
@@ -147,8 +146,8 @@ class Simplices:
         return np.column_stack((self.facets, len(self.x) + edges))
 
     def with_middles(self, y: Array) -> Array:
-        """Return values at nodes, the middles of edges after the vertices, of what is linear on the
-        cells, from vertices.
+        """Return the values at all nodes of a function that is linear on the cells, from its values
+        at vertices; the middles of edges follow the vertices.
         """
         return np.concatenate((y, y[self.edges].mean(axis=1)))
 
@@ -166,7 +165,9 @@ class Simplices:
 
     @cached_property
     def neighbours(self) -> sp.csr_matrix:
-        """Which cells share a facet, by the lower number first, shape (n, n)."""
+        """The matrix of cells that share a facet, with the lower number as its row, shape
+        (n, n).
+        """
         inner = self.sides[self.sides[:, 1] >= 0]
         count = len(self.corners)
         return sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
@@ -185,7 +186,7 @@ class Simplices:
 
     @cached_property
     def sign(self) -> Array:
-        """1 where a cell is the first one at its facet, else -1, shape (n, d + 1)."""
+        """1 where a cell is the first one at its facet, otherwise -1, shape (n, d + 1)."""
         first = self.sides[self.facets_of, 0] == np.arange(len(self.corners))[:, None]
         return np.where(first, 1.0, -1.0)
 
@@ -204,36 +205,41 @@ class Simplices:
 
     @cached_property
     def area(self) -> Array:
-        """Return the area of each facet, shape (f,)."""
+        """The area of each facet, shape (f,)."""
         return np.linalg.norm(self._scaled_normals, axis=1)
 
     @cached_property
     def normal(self) -> Array:
-        """Return the unit normal of each facet, out of its first cell, on the boundary out of the
-        body, shape (f, d).
+        """The unit normal of each facet, out of its first cell, on the boundary out of the body,
+        shape (f, d).
         """
         return self._scaled_normals / self.area[:, None]
 
     @cached_property
     def jacobian(self) -> Array:
-        """(x_1 - x_0, x_2 - x_0, ...) of each cell, one per column, shape (n, d, d)."""
+        """The Jacobian of each cell, with the columns x_1 - x_0, x_2 - x_0, ..., shape (n,
+        d, d).
+        """
         p = self.x[self.corners]
         return (p[:, 1:] - p[:, :1]).transpose(0, 2, 1)
 
     @cached_property
     def volume(self) -> Array:
-        """Return the volume of each cell, shape (n,)."""
+        """The volume of each cell, shape (n,)."""
         return np.linalg.det(self.jacobian) / factorial(self.dimension)
 
     @cached_property
     def gradients(self) -> Array:
-        """Return the gradients of the barycentric coordinates, 1 / length, shape (n, d + 1, d)."""
+        """The gradients of the barycentric coordinates, 1 / length, shape (n, d + 1, d)."""
         inverse = np.linalg.inv(self.jacobian)
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
     def strain_at_corners(self, y: Array) -> Array:
-        """Return strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the
-        corners of the cells, shape (n, d + 1, 3 or 6).
+        """Return the strain of a displacement of degree 2 at the corners of the cells, shape (n, d
+        + 1, 3 or 6).
+
+        Args:
+            y: the displacement at the nodes, length, shape (v + e, d).
         """
         d = self.dimension
         g = self.gradients
@@ -259,8 +265,12 @@ def _times(matrix: Array, components: Array) -> Array:
 
 
 def with_hats(values: Array, measure: Array) -> Array:
-    """Integrals over simplices of a measure of linear functions, given at their k corners, times
-    the hat functions of these, shapes (m, k, ...) and (m,) to (m, k, ...).
+    """Return integrals over simplices of linear functions times the hat functions of their k
+    corners, shape (m, k, ...).
+
+    Args:
+        values: the functions at the corners, shape (m, k, ...).
+        measure: length, area or volume of the simplices, shape (m,).
     """
     count = values.shape[1]
     shape = (-1, *[1] * (values.ndim - 1))
@@ -272,24 +282,24 @@ def with_hats(values: Array, measure: Array) -> Array:
 
 
 def motions_of(arm: Array) -> Array:
-    """Return translations and rotations at places of some arms, shape (..., d) to (..., d, 3 or
-    6).
+    """Return translations and rotations at points with these arms, from shape (..., d) to (..., d,
+    3 or 6).
     """
     d = arm.shape[-1]
     return rigid_modes(arm.reshape(-1, d), np.zeros(d), np.array(1.0)).reshape(*arm.shape, -1)
 
 
 def closest_linear(moments: Array) -> Array:
-    """Return the values at the corners of simplices of the linear functions with these mean values
-    of the products with the barycentric coordinates, both of shape (n, k, ...).
+    """Return linear functions at the corners of simplices from the mean values of their products
+    with the barycentric coordinates, both of shape (n, k, ...).
     """
     count = moments.shape[1]
     return count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True)
 
 
 def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
-    """Return the functions of vertices, and of edges, of a degree at points of the reference cell:
-    values, and derivatives by its axes, shapes (points, nodes) and (d, points, nodes).
+    """Return the Lagrange functions of a degree (vertices, then edges) at points of the reference
+    cell: values and derivatives by its axes, shapes (points, nodes) and (d, points, nodes).
     """
     element = basix.create_element(
         basix.ElementFamily.P, CELLS[d], degree, basix.LagrangeVariant.gll_warped
@@ -299,12 +309,16 @@ def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
 
 
 def divide(t: Simplices, y: Array) -> tuple[Simplices, Array, Ints]:
-    """Return each triangle in four by the middles of its edges, see ``QUARTERS``, with a
-    displacement of degree 2 at nodes, length, shape (v + e, 2).
+    """Divide each triangle into four at the middles of its edges, see ``QUARTERS``, with a
+    displacement of degree 2.
+
+    Args:
+        t: the triangles.
+        y: the displacement at the nodes, length, shape (v + e, 2).
 
     Returns:
-        Four times as many triangles, the first ones at the first corners, with the v + e nodes as
-        vertices; the displacement at their nodes; and the halves of each given edge, that at its
+        Four times as many triangles, those at the first corners first, with the v + e nodes as
+        vertices; the displacement at their nodes; and the halves of each given edge, the one at its
         first end first, shape (e, 2).
     """
     moduli = t.moduli.of(np.tile(np.arange(len(t.corners)), 4))
