@@ -1,5 +1,5 @@
-"""Input files of Abaqus and CalculiX: their meshes, and scenes drafted from them keyword by
-keyword; and displacements that other programs have written.
+"""Input files of Abaqus and CalculiX: their meshes, scenes drafted from them keyword by keyword,
+and displacements that other programs have written.
 
-No other package imports it: an add-on.
+It is an add-on: no other package imports it.
 """

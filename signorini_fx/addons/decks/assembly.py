@@ -1,4 +1,5 @@
-"""An assembly of parts as one model: instances get numbers and names of their own.
+"""An assembly of parts as one model: the nodes, elements and sets of instances get unique numbers
+and names.
 
 A name that several instances have, or that the assembly has too, becomes INSTANCE.NAME; one that is
 unique stays as it is.  Nodes of the second instance, and of the assembly, get higher numbers.
@@ -63,8 +64,8 @@ class _Scope:
 
 
 def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
-    """Return the keywords with those of each part in the place of its instances; a file without
-    instances stays as it is.
+    """Return the keywords with each instance replaced by the keywords of its part; without
+    instances all stay as they are.
     """
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
@@ -143,7 +144,10 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
 def _motion(shift: Array, turn: Array | None = None) -> _Motion:
     """Return a shift followed by a rotation.
 
-    ``turn``: two points of its axis and an angle, degrees.
+    Args:
+        shift: the shift, length, shape (3,).
+        turn: two points of the axis of the rotation, and its angle in degrees, shape (7,); None
+            without one.
     """
     if turn is None:
         return lambda x: x + shift
@@ -162,12 +166,12 @@ def _defined(block: DeckBlock) -> list[str]:
 
 
 def _names(key: str, value: str) -> bool:
-    """Return whether the value of a parameter is a name; the value of ADJUST may be a length."""
+    """Return whether the value of a parameter is a name (the value of ADJUST may be a length)."""
     return key in _NAMING or (key == "ADJUST" and real_or_none(value) is None)
 
 
 def _largest_number(block: DeckBlock) -> int:
-    """Return the largest number in the definitions of nodes or elements of a keyword."""
+    """Return the largest number in the data lines of *NODE or *ELEMENT, 0 for other keywords."""
     rows = block.rows if block.keyword in ("NODE", "ELEMENT") else []
     words = (word for row in rows for word in (row[:1] if block.keyword == "NODE" else row))
     return max((int(word) for word in words if word.isdecimal()), default=0)
@@ -175,14 +179,14 @@ def _largest_number(block: DeckBlock) -> int:
 
 @dataclass(frozen=True)
 class _Names:
-    """The names and numbers of instances in the whole file."""
+    """The unique names and numbers of the instances of a file."""
 
     whole: _Scope  # all that is outside of instances
     instances: dict[str, _Scope]  # by their names in capitals
     counts: Counter[str]  # how many of them have a name
 
     def word(self, word: str, scope: _Scope) -> str:
-        """Return the name in the whole file of a set, surface, node or element of a scope."""
+        """Return the unique name of a set, surface, node or element of a scope."""
         prefix, dot, suffix = word.partition(".")
         if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
             return self.word(suffix.strip(), candidate)
@@ -193,7 +197,7 @@ class _Names:
         return word if self.counts[word.upper()] == 1 else f"{scope.name}.{word}"
 
     def written(self, block: DeckBlock, scope: _Scope) -> DeckBlock:
-        """Return a keyword of a scope with the names and numbers of the whole file."""
+        """Return a keyword of a scope with unique names and numbers."""
         inside = self.instances.get(block.word("INSTANCE"), scope)
         defined_names = _defined(block)
         parameters = {
@@ -215,7 +219,7 @@ class _Names:
 
 
 def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
-    """Return the data lines of a keyword of a part at the place of its instance."""
+    """Return the data lines of a keyword of a part, with nodes at the place of the instance."""
     rows = block.rows
     if block.keyword == "NODE" and rows:
         _, x = coordinates(block)

@@ -1,7 +1,7 @@
 """*PRE-TENSION SECTION of an Abaqus or CalculiX input file, as the preload of a scene.
 
 Its reference node has one component: *CLOAD gives the tension through the section, *BOUNDARY the
-shortening, and with FIXED keeps the one that has been reached.
+shortening; with FIXED it keeps the shortening that has been reached.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _normal(deck: Deck, name: str) -> Array | None:
 
 
 def hold(deck: Deck, block: DeckBlock) -> None:
-    """Read *BOUNDARY, FIXED: sections keep the length that has been reached."""
+    """Read *BOUNDARY, FIXED: sections keep the shortening that has been reached."""
     for name, *words in block.rows:
         node = deck.reference_node(name)
         if node in deck.bolts:
@@ -78,7 +78,7 @@ def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, va
 
 
 def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables [[preload]]."""
+    """Return the [[preload]] tables."""
     courses: dict[int, dict[str, DeckLoad]] = {}
     for load in deck.loads.values():
         if load.table == "bolt":

@@ -48,7 +48,7 @@ def _interaction(deck: Deck) -> Interaction:
 
 
 def read_friction(deck: Deck, block: DeckBlock) -> None:
-    """Read *FRICTION: a coefficient, followed in CalculiX by the stiffness of sticking."""
+    """Read *FRICTION: a coefficient, in CalculiX followed by the stiffness of stick."""
     if deck.model.blocks[block.number - 1].keyword in _WITH_FRICTION:
         return
     interaction = _interaction(deck)
@@ -104,7 +104,7 @@ def _stiffness_of(word: str) -> float:
 
 
 def read_pairs(deck: Deck, block: DeckBlock) -> None:
-    """Read *CONTACT PAIR: its surfaces, its interaction and what it does to their distance."""
+    """Read *CONTACT PAIR: its surfaces, its interaction, and ADJUST."""
     parameters = block.parameters
     kind = parameters.get("TYPE", "NODE TO SURFACE")
     if kind.upper().replace(" ", "") not in _KINDS_OF_PAIRS:
@@ -140,7 +140,7 @@ def read_ties(deck: Deck, block: DeckBlock) -> None:
 
 
 def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the tables [[contact]], and [solver] with their stiffness."""
+    """Return the [[contact]] tables, and the entries of [solver] for their stiffness."""
     tables: list[dict[str, Any]] = []
     interactions: list[Interaction | None] = []
     taken: dict[str, Ints] = {}  # facets with contact points: they are in one contact only
@@ -204,7 +204,9 @@ def _shared(facets: Ints, opposite: dict[str, Ints]) -> bool:
 
 
 def _distance(deck: Deck, boundary: str, opposite: str) -> float:
-    """Return how far nodes of a boundary are at most from the nearest facets of another one."""
+    """Return the largest distance of the nodes of a boundary from the nearest facets of another
+    one, length.
+    """
     mesh = deck.mesh
     corners = mesh.points[mesh.facet_corners[mesh.boundaries[opposite]]]
     edges = corners[:, 1] - corners[:, 0]
@@ -220,8 +222,8 @@ def _distance(deck: Deck, boundary: str, opposite: str) -> float:
 
 
 def _oriented(deck: Deck) -> list[SurfacePair]:
-    """Return the pairs; where one dependent surface is in several pairs, the other surfaces get the
-    contact points.
+    """Return the pairs, with both surfaces exchanged where one dependent surface belongs to several
+    pairs, so that the other surfaces get the contact points.
     """
     counts = Counter(filter(None, (deck.boundary(pair.slave) for pair in deck.pairs)))
     return [
@@ -252,8 +254,8 @@ def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
 def _stiffness(
     deck: Deck, interactions: list[Interaction | None], tables: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return the stiffness of contact and of sticking as keys of [solver]; where contacts differ,
-    each gets an overclosure.
+    """Return the stiffness of contact and of stick as entries of [solver]; if contacts differ, each
+    gets an ``overclosure``.
     """
     contacts = [used for used in interactions if used is not None]
     slopes = {used.stiffness for used in contacts}
@@ -290,14 +292,14 @@ def _stiffness(
 
 
 def _hard(deck: Deck) -> float:
-    """Return the stiffness, stress per length, from which contact is hard."""
+    """Return the stiffness above which contact is considered hard, stress per length."""
     moduli = (properties.get("young", 0.0) for properties in deck.materials.values())
     return HARD_CONTACT * max(moduli, default=0.0) / deck.mesh.diagonal
 
 
 def set_sliding(deck: Deck, contacts: list[dict[str, Any]]) -> None:
-    """Set the sliding of contacts of nonlinear bodies: small for what is tied or adjusted, and for
-    sides of degree 2 in 3D.
+    """Set small sliding for contacts of nonlinear bodies that are tied or adjusted, and for sides
+    of degree 2 in 3D.
     """
     for table in contacts:
         bonded = table.get("kind") == "bonded"

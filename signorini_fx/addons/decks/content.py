@@ -1,5 +1,5 @@
-"""An Abaqus input file in terms of a scene: loads by step, names of boundaries, remarks on what is
-not read.
+"""The content of an Abaqus input file in the terms of a scene: loads by step, names of boundaries,
+and remarks on what is not read.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Place = tuple[tuple[str, Any], ...]
 
 @dataclass
 class DeckLoad:
-    """A boundary condition or a load with its value in the steps that give one; in others it stays
-    as it was.
+    """A boundary condition or a load with its values in the steps that change it; in other steps it
+    keeps its value.
     """
 
     table: str  # of the scene
@@ -40,8 +40,9 @@ class DeckLoad:
     )  # step -> value; None: it ends with this step
 
     def by_step(self, steps: int) -> list[float | None]:
-        """Return the value in each step, None where there is none; a value before the first step
-        holds in all of them.
+        """Return the value in each step, None where the load does not act.
+
+        A value before the first step holds in all steps until it is changed.
         """
         current = self.values.get(-1)
         values = []
@@ -53,7 +54,7 @@ class DeckLoad:
 
 @dataclass(frozen=True)
 class DeckSection:
-    """A part of the body and its material, whose name is in capitals."""
+    """A region of the body and its material, whose name is in capitals."""
 
     region: str
     material: str
@@ -89,7 +90,7 @@ class SurfacePair:
 
 @dataclass
 class Deck:
-    """Everything that has been read, with remarks on what has not."""
+    """The content of an input file, with remarks on what was not read."""
 
     mesh: MeshArrays  # the mesh as the scene has it, its boundaries outside alone
     model: DeckModel  # the mesh and the keywords of the file
@@ -138,11 +139,11 @@ class Deck:
     # --- remarks ----------------------------------------------------------------------------------
 
     def lose(self, block: DeckBlock, why: str) -> None:
-        """Record something that is not in the scene and changes its solution."""
+        """Record something that the scene lacks, so that its solution differs."""
         self._say(block, why, lost=True)
 
     def note(self, block: DeckBlock, why: str) -> None:
-        """Record something that is put in another way, or does not change the solution."""
+        """Record something that is stated in another way, or does not change the solution."""
         self._say(block, why, lost=False)
 
     def _say(self, block: DeckBlock, why: str, *, lost: bool) -> None:
@@ -151,7 +152,7 @@ class Deck:
             places.append(block.place)
 
     def remarks(self, *, lost: bool) -> list[str]:
-        """Return the remarks of a grade; the same remark on several lines is given once."""
+        """Return the remarks of one kind; a remark that applies to several lines is given once."""
         lines = []
         for (name, why, changes), places in self.remark_places.items():
             repeats = f" and {len(places) - 1} more" if len(places) > 1 else ""
@@ -162,8 +163,8 @@ class Deck:
     # --- names ------------------------------------------------------------------------------------
 
     def label(self, kind: str, name: str) -> str | None:
-        """Return the spelling of the name of a boundary, surface, region or set of nodes, whatever
-        its case; None if the file has no such name.
+        """Return the spelling of the name of a boundary, surface, region or set of nodes in the
+        file, whatever the case of ``name``; None if there is no such name.
         """
         of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
         names: dict[str, Any] = {
@@ -177,21 +178,21 @@ class Deck:
         return None if empty or spelt not in named else spelt
 
     def boundary(self, name: str) -> str | None:
-        """Return the name of the boundary of the mesh that a set or surface of the file is, or None
-        if it is no boundary.
+        """Return the name of the boundary that a set or surface of the file forms, or None if it is
+        no boundary.
         """
         return self.label("boundary", name)
 
     def elements(self, name: str) -> Ints:
-        """Return the numbers of the elements of a set, also of masses; none where there is no such
-        set.
+        """Return the numbers of the elements of a set, those of masses too; empty if there is no
+        such set.
         """
         spelt = self.model.spelt.get(name.upper(), name)
         return self.model.elements.get(spelt, np.empty(0, np.int64))
 
     def check_nodes(self, name: str) -> None:
-        """Refuse names of sets that the file does not define; unknown numbers are allowed, as in
-        CalculiX.
+        """Refuse the name of a set that the file does not define; unknown node numbers are allowed,
+        as in CalculiX.
         """
         if number_of(name) is None and not any(
             self.label(kind, name) for kind in ("nodes", "boundary", "surface")
@@ -202,8 +203,8 @@ class Deck:
 
     @cached_property
     def numbers(self) -> Ints:
-        """The rows in the file of the nodes of the body, ascending; nodes that complete its cells
-        have none.
+        """The rows in the file of the nodes of the body, ascending; added nodes that complete its
+        cells have no row.
         """
         raw = self.model.raw
         used = np.zeros(len(raw.points), dtype=bool)
@@ -219,8 +220,8 @@ class Deck:
 
     @cached_property
     def bodies(self) -> dict[str, Ints]:
-        """The name of each body -> the places of its nodes in ``numbers``; the name of the only one
-        is empty.
+        """The positions in ``numbers`` of the nodes of each body, by its name; the name is "" if
+        there is only one body.
         """
         if not self.model.bodies:
             return {"": np.arange(len(self.numbers))}
@@ -231,23 +232,24 @@ class Deck:
 
     @cached_property
     def _body_of(self) -> dict[int, str]:
-        """The name of the body of each node; empty if there is only one body."""
+        """The name of the body of each node; "" if there is only one body."""
         return {node: name for name, nodes in self.bodies.items() for node in plain(nodes)}
 
     def at_point(self, row: int) -> Place:
-        """Return the keys of a table for a node by its row in the file; they name its body, since
-        another one may have a node at the same place.
+        """Return the keys of a table that locate a node, given by its row in the file.
+
+        They name its body, because another body may have a node at the same place.
         """
         node = int(np.searchsorted(self.numbers, row))
         return (("at", tuple(plain(self.mesh.points[node]))), ("region", self._body_of[node]))
 
     def rows(self, nodes: Iterable[int]) -> Ints:
-        """Return the rows in the file of those nodes that the body has, in their order."""
+        """Return the rows in the file of the nodes that belong to the body, in the given order."""
         rows = self.model.places.rows(np.array(list(nodes), dtype=np.int64))
         return rows[np.isin(rows, self.numbers)]
 
     def nodes(self, name: str) -> Ints:
-        """Return the rows in the file of the nodes of a set that the body has."""
+        """Return the rows in the file of the nodes of a set that belong to the body."""
         label = self.label("nodes", name)
         return (
             np.empty(0, np.int64)
@@ -261,8 +263,8 @@ class Deck:
         return self.numbers[nodes[nodes < len(self.numbers)]]
 
     def single_node(self, name: str) -> int | None:
-        """Return the number of a node, or of the only one of a set, also outside of the body; None
-        if there is not exactly one.
+        """Return the number of a node, given directly or as a set of one node, also outside of the
+        body; None for other sets.
         """
         if (number := number_of(name)) is not None:
             return number
@@ -271,13 +273,14 @@ class Deck:
         return int(self.model.places.numbers[rows[0]]) if len(rows) == 1 else None
 
     def reference_node(self, name: str) -> int | None:
-        """Return the reference node of a bolt that a set or a node is, or None if it is none."""
+        """Return the reference node of a bolt, given as a node or a set, or None if it is none."""
         return node if self.bolts and (node := self.single_node(name)) in self.bolts else None
 
     @cached_property
     def given_singly(self) -> set[int]:
-        """The components of which one keyword changes only some forces of another one: as tractions
-        on boundaries both would add up.
+        """The components for which a keyword changes only some of the nodal forces of another one.
+
+        They stay single forces, because tractions on boundaries would add up.
         """
         single_components = set[int]()
         seen = dict[tuple[int, int], frozenset[int]]()

@@ -39,7 +39,9 @@ class Draft:
 def draft(file: Path, target: Path) -> Draft:
     """Return the scene that an input file describes.
 
-    ``target``: the place of the scene, from which it refers to the file.
+    Args:
+        file: the input file.
+        target: the path of the scene file, relative to which it refers to the input file.
     """
     deck = read_deck(file)
     with mesh_errors(file):
@@ -66,7 +68,7 @@ def draft(file: Path, target: Path) -> Draft:
 
 
 def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
-    """Return all tables of the scene but its mesh."""
+    """Return all tables of the scene except its mesh."""
     steps = max(1, len(deck.steps))
     element: dict[str, Any] = {"degree": 2} if deck.mesh.degree == 2 else {}
     element |= {"volumetric": "auto"} if material.has_rubber(deck) else {}
@@ -91,9 +93,13 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables of supports and loads, in one table what has the same course on a boundary.
+    """Return the tables of supports and loads; those with the same history on a boundary share a
+    table.
 
-    ``releases``: whether supports may end.
+    Args:
+        deck: the content of the input file.
+        steps: number of load steps.
+        releases: whether supports may end.
     """
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}

@@ -1,8 +1,8 @@
-"""The parameters of the keywords that are read.  Every other one is lost by its name.
+"""The parameters of each keyword that are known.  All others are reported as lost by their names.
 
-A parameter is read, or it does not change the answer, as controls of the solver do.  After ``=``
-stand the only values for which that is so, without blanks; an empty one is that of a parameter
-without a value.  INPUT names a file and may belong to any keyword.
+A known parameter is either read, or does not change the solution, such as controls of the solver.
+After ``=`` stand the only known values, without blanks; an empty one means a parameter without a
+value.  INPUT names a file and may belong to any keyword.
 """
 
 from __future__ import annotations
@@ -60,7 +60,9 @@ def squeezed(word: str) -> str:
 
 
 def _values_of(keyword: str) -> dict[str, list[str]]:
-    """Return the known values of each known parameter of a keyword, none where all are."""
+    """Return the known values of each known parameter of a keyword; an empty list means that all
+    values are known.
+    """
     pairs = (word.partition("=") for word in f"INPUT {KNOWN[keyword]}".split())
     return {name: values.split("|") if equals else [] for name, equals, values in pairs}
 

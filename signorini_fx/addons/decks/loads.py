@@ -36,8 +36,8 @@ _BODY_FORCE = re.compile(r"GRAV|CENTRIF|B[XYZ]|P\d", re.IGNORECASE)
 
 
 def read_boundary(deck: Deck, block: DeckBlock) -> None:
-    """Read *BOUNDARY: displacements of sets and of single nodes, on whole facets and at the nodes
-    that do not fill any.
+    """Read *BOUNDARY: displacements of sets and of single nodes, as supports of whole facets, and
+    of single nodes that fill no facet.
     """
     _end_earlier(deck, block)
     if "FIXED" in block.parameters:
@@ -194,7 +194,9 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Read *CLOAD: a traction on whole facets if it has these nodal forces, else single forces."""
+    """Read *CLOAD: a traction on whole facets if it has the same nodal forces, otherwise single
+    forces.
+    """
     _end_earlier(deck, block)
     factor = amplitude_share(deck, block)
     drives: dict[tuple[int, int], float] = {}
@@ -245,8 +247,8 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
 
 
 def _uniform(deck: Deck, where: str, rows: Ints, values: Array) -> float | None:
-    """Return the traction times the thickness that nodal forces are equivalent to, stress times
-    length; None if there is none.
+    """Return the uniform traction times thickness that is equivalent to nodal forces, stress times
+    length, or None if there is none.
     """
     if not np.isin(rows, deck.boundary_nodes(where)).all():
         return None
@@ -260,7 +262,7 @@ def _uniform(deck: Deck, where: str, rows: Ints, values: Array) -> float | None:
 
 
 def _areas(deck: Deck, where: str) -> Array:
-    """Return the share of each node of the mesh in the area of a boundary, in 2D its length, shape
+    """Return the area of a boundary that belongs to each node of the mesh, in 2D a length, shape
     (n,).
     """
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
@@ -285,9 +287,9 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
 
 
 def amplitude_share(deck: Deck, block: DeckBlock) -> float:
-    """Return the share of the values of a load that acts at the end of the step, by its amplitude.
+    """Return the share of a load that acts at the end of the step, by its amplitude.
 
-    A load keeps in later steps what it has reached: CalculiX 2.20 does so, and Abaqus.
+    In later steps a load keeps the value that it has reached, as in CalculiX 2.20 and Abaqus.
     """
     if (name := block.parameters.get("AMPLITUDE")) is None:
         return 1.0
@@ -349,8 +351,10 @@ def _course_of(amplitude: DeckBlock) -> tuple[Array, Array]:
 
 
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
-    """Record a load: what a step gives several times adds up, what earlier steps gave is replaced,
-    and so are displacements.
+    """Record a load.
+
+    Loads that one step gives several times add up; a value replaces that of earlier steps, and a
+    prescribed displacement any earlier one.
     """
     block = load.block
     key = (load.table, load.target, load.keys, load.direction, block.keyword, load.place)
@@ -360,7 +364,7 @@ def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
 
 
 def _end_earlier(deck: Deck, block: DeckBlock) -> None:
-    """End all that a keyword has given in earlier steps, if it has OP=NEW."""
+    """End all loads or supports that a keyword has given in earlier steps, if it has OP=NEW."""
     if block.word("OP", "MOD") != "NEW" or (deck.step, block.keyword) in deck.ended:
         return
     deck.ended.add((deck.step, block.keyword))
@@ -412,8 +416,8 @@ def _temperatures_at(deck: Deck, step: int) -> Array:
 
 
 def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables [[temperature]]: the change in each body since the beginning, with its
-    course over the steps.
+    """Return the [[temperature]] tables: the change in each body since the beginning, with its
+    history over the steps.
     """
     if not any(properties.get("expansion") for properties in deck.materials.values()):
         return []  # nothing expands

@@ -28,7 +28,7 @@ _FIRST_TERM = ("POLYNOMIAL", "REDUCEDPOLYNOMIAL")
 
 
 def read_section(deck: Deck, block: DeckBlock) -> None:
-    """Read *SOLID SECTION and others: the material of a part, and the thickness of a plane one."""
+    """Read *SOLID SECTION and other sections: the material of a region, and in 2D the thickness."""
     region = deck.label("region", block.parameters["ELSET"])
     if block.keyword != "SOLIDSECTION":
         if deck.mesh.dim == 3 or region is None:
@@ -71,8 +71,8 @@ def read_density(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_expansion(deck: Deck, block: DeckBlock) -> None:
-    """Read *EXPANSION: a constant coefficient, for which the temperature of reference, ZERO, does
-    not matter.
+    """Read *EXPANSION: a constant coefficient, for which the reference temperature ZERO has no
+    effect.
     """
     properties = _properties(deck)
     if block.word("TYPE", "ISO") not in ("ISO", "ISOTROPIC"):
@@ -84,7 +84,7 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_elastic(deck: Deck, block: DeckBlock) -> None:
-    """Read *ELASTIC: the isotropic modulus and ratio of Poisson."""
+    """Read *ELASTIC: Young's modulus and Poisson's ratio of an isotropic material."""
     properties = _properties(deck)
     if block.word("TYPE", "ISOTROPIC") not in ("ISOTROPIC", "ISO"):
         raise DeckError(
@@ -99,7 +99,7 @@ def read_elastic(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_rubber(deck: Deck, block: DeckBlock) -> None:
-    """Read *HYPERELASTIC: an energy, with kappa = 2 / D1 and for Ogden 2 mu / alpha as its mu."""
+    """Read *HYPERELASTIC: an energy, with kappa = 2 / D1; Ogden's mu becomes 2 mu / alpha."""
     properties = _properties(deck)
     parameters = block.parameters
     named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
@@ -131,9 +131,7 @@ def read_rubber(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_hardening(deck: Deck, block: DeckBlock) -> None:
-    """Read *PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one
-    temperature.
-    """
+    """Read *PLASTIC: rows of yield stress and plastic strain, from 0 on, at one temperature."""
     properties = _properties(deck)
     if block.word("HARDENING", "ISOTROPIC") != "ISOTROPIC":
         deck.lose(block, "hardening that is not isotropic is not read: elastic here")
@@ -157,9 +155,12 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
 
 
 def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables of materials; each part of the body has one.
+    """Return the tables of materials; each region of the body has one material.
 
-    ``obstacle``: see ``obstacle_of``.
+    Args:
+        deck: the content of the input file.
+        obstacle: see ``obstacle_of``.
+        heated: whether there are temperatures.
     """
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     keys = ("density",) * weighs + ("expansion",) * heated
@@ -204,7 +205,7 @@ def has_rubber(deck: Deck) -> bool:
 
 
 def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bool) -> str:
-    """Return the part of a scene that excludes nonlinear materials; "": there is none."""
+    """Return the feature of a scene that excludes nonlinear materials, in words, or ""."""
     finite = deck.nonlinear is not None or has_rubber(deck)
     obstacles = {
         "with soft contact": any("overclosure" in contact for contact in contacts),
@@ -228,8 +229,9 @@ def is_nonlinear(deck: Deck, obstacle: str) -> bool:
 
 
 def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str, Any] | None:
-    """Return the keys of a nonlinear material, also of one with two constants beside rubber; None
-    if it is linear here.
+    """Return the keys of a nonlinear material, or None if it is linear in the scene.
+
+    Beside rubber a material with two elastic constants is nonlinear too.
     """
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))

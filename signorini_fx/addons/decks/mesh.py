@@ -1,8 +1,7 @@
-"""The mesh of an Abaqus input file: nodes, elements, and the sets and surfaces that name parts of
-them.
+"""The mesh of an Abaqus input file: nodes, elements, and the sets and surfaces with names.
 
-Supports, forces and pressures that are given for single nodes and faces name the boundary on which
-they act, so that a scene can refer to it.
+The single nodes and faces of supports, forces and pressures become named boundaries, so that a
+scene can refer to them.
 """
 
 from __future__ import annotations
@@ -98,7 +97,7 @@ def _kind(element: str) -> tuple[str, int]:
 
 
 def _faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
-    """Return the corners of the faces S1, S2 ... of a kind of cell, of a plane one its sides; a
+    """Return the corners of the faces S1, S2 ... of a kind of cell, in 2D those of its sides; a
     line has none.
     """
     return _FACES.get(kind.rstrip("0123456789"), ())
@@ -106,7 +105,7 @@ def _faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
 
 @dataclass(frozen=True)
 class Group:
-    """Nodes or faces to which a keyword gives the same kind of value, one by one."""
+    """Nodes or faces to which a keyword gives values of the same kind, one by one."""
 
     name: str  # of the set that they make
     words: Words  # what is given, as in a row for a set
@@ -137,7 +136,7 @@ class DeckModel:
 
 @dataclass
 class _Reader:
-    """The mesh as far as it has been read."""
+    """The content of the mesh during reading."""
 
     node_parts: list[tuple[DeckBlock, Ints, Array]] = field(default_factory=list)
     element_parts: list[tuple[DeckBlock, str, Ints]] = field(default_factory=list)
@@ -154,7 +153,7 @@ class _Reader:
     )  # names in capitals -> as they are written first
 
     def read(self, block: DeckBlock) -> None:
-        """Take the nodes, elements, sets and single values of a keyword."""
+        """Read the nodes, elements, sets and single values of a keyword."""
         parameters = block.parameters
         if block.keyword != "NODE":
             check_rows(block)
@@ -196,7 +195,7 @@ class _Reader:
         return self.spelt.setdefault(name.upper(), name)
 
     def _free(self, word: str) -> Iterator[str]:
-        """Yield names that the file does not have: a word and a number."""
+        """Yield names that are not in the file, made of a word and a number."""
         for n in itertools.count(1):
             if (name := word.format(n)).upper() not in self.spelt:
                 yield self._name(name)
@@ -249,7 +248,9 @@ class _Reader:
         self._extend(sets, name, _distinct(parts))
 
     def _member(self, sets: dict[str, Ints], word: str) -> Ints:
-        """Return the numbers of the members of a set, or a single number, shape (n,)."""
+        """Return the numbers of the members of a set, or a single number as an array, shape
+        (n,).
+        """
         if (number := number_of(word)) is not None:
             return np.array([number], dtype=np.int64)
         if (members := sets.get(self._name(word))) is None:
@@ -258,7 +259,7 @@ class _Reader:
 
     def _given_alike(self, block: DeckBlock) -> list[tuple[Words, dict[Any, float]]]:
         """Return the single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD,
-        grouped by what they are given.
+        grouped by equal data.
         """
         groups: dict[Words, dict[Any, float]] = {}
         pressures: dict[Any, float] = {}  # of a face that is given several, their sum
@@ -315,11 +316,11 @@ class _Reader:
 
     @cached_property
     def elements(self) -> _Elements:
-        """All elements of the body, and lines."""
+        """All elements of the body, lines included."""
         return _Elements([part for part in self.element_parts if len(part[2])])
 
     def result(self, blocks: list[DeckBlock]) -> DeckModel:
-        """Return the mesh, with rows of arrays in place of the numbers of the file."""
+        """Return the mesh, with rows of arrays in place of numbers of the file."""
         elements = self.elements
         node_rows, points = self.nodes
         tables = [(kind, self._table(number)) for number, (kind, _) in enumerate(elements.parts)]
@@ -372,8 +373,10 @@ class _Reader:
         )
 
     def _named_groups(self, of_node: Ints) -> dict[int, list[Group]]:
-        """Return the groups by the numbers of their keywords; each is a set that the file names, or
-        one that is added. Forces on several bodies are several groups.
+        """Return the groups by the number of their keyword.
+
+        Each group is a set that the file names, or a set that is added here.  Forces on several
+        bodies are several groups.
         """
         names = {label: self._free(f"{label}_{{}}") for label in _LABELS.values()}
         set_names = {
@@ -402,7 +405,9 @@ class _Reader:
         return groups
 
     def _by_body(self, of_node: Ints) -> Iterator[tuple[DeckBlock, Words, dict[Any, float]]]:
-        """Yield what keywords give to nodes and faces, the forces of *CLOAD for each body."""
+        """Yield the values that keywords give to nodes and faces; the forces of *CLOAD are split by
+        body.
+        """
         for block, words, nodal_values in self.nodal_values:
             if block.keyword != "CLOAD":
                 yield block, words, nodal_values
@@ -414,7 +419,7 @@ class _Reader:
                 yield block, words, dict(item for item, inside in chosen if inside)
 
     def _table(self, number: int) -> Ints:
-        """Return the rows of the nodes of each element of a part, shape (m, k)."""
+        """Return the rows of the nodes of the elements of one part, shape (m, k)."""
         elements = self.elements
         nodes = self.elements.parts[number][1]
         table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
@@ -432,8 +437,8 @@ class _Reader:
     def _sides(
         self, tables: list[tuple[str, Ints]], name: str, faces: Sequence[tuple[int, int]]
     ) -> Iterator[Ints]:
-        """Yield the corners of the faces of a surface that are sides of the body, by the number of
-        corners, shape (n, corners).
+        """Yield the corners of those faces of a surface that are sides of the body, grouped by
+        number of corners, shape (n, corners).
         """
         elements = self.elements
         listed = np.array(faces, dtype=np.int64).reshape(-1, 2)
@@ -461,7 +466,7 @@ class _Reader:
 
 
 class _Elements:
-    """The elements of a file."""
+    """The elements of a file, by keyword."""
 
     def __init__(self, parts: Sequence[tuple[DeckBlock, str, Ints]]) -> None:
         self.blocks = [block for block, _, _ in parts]  # the keywords that define some
@@ -478,13 +483,13 @@ class _Elements:
         ]
 
     def by_part(self, rows: Ints) -> list[Ints]:
-        """Return rows of all elements as rows of each keyword; rows below 0 are left out."""
+        """Return numbers of elements as rows of each keyword; negative numbers are left out."""
         rows = rows[rows >= 0]
         return [rows[self.part[rows] == k] - self.first[k] for k in range(len(self.parts))]
 
 
 def _numbering(name: str, parts: Sequence[tuple[DeckBlock, Ints]]) -> Numbering:
-    """Return the numbering of nodes or elements, each of which keywords must define once."""
+    """Return the numbering of nodes or elements; it is an error if one is defined twice."""
     rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers in parts)]))
     if rows.again.size:
         row = int(rows.again.min())
@@ -496,7 +501,7 @@ def _numbering(name: str, parts: Sequence[tuple[DeckBlock, Ints]]) -> Numbering:
 
 
 def _distinct(parts: Sequence[Ints]) -> Ints:
-    """Return numbers without repetition, in the order in which they occur first."""
+    """Return numbers without repetition, in order of first occurrence."""
     numbers = np.concatenate(parts)
     return numbers[np.sort(np.unique(numbers, return_index=True)[1])]
 
@@ -530,13 +535,15 @@ def read_model(file: Path) -> DeckModel:
 
 
 def _solid(blocks: Sequence[tuple[str, Ints]]) -> dict[int, Ints]:
-    """Return the tables of the blocks of the highest dimension, by the numbers of the blocks."""
+    """Return the blocks of the highest dimension, by their position."""
     dim = max((dimension(kind) for kind, _ in blocks), default=0)
     return {number: table for number, (kind, table) in enumerate(blocks) if dimension(kind) == dim}
 
 
 def _body_of_nodes(blocks: Sequence[tuple[str, Ints]], count: int) -> Ints:
-    """Return the number of the body of each node, which cells link, shape (n,); -1: of none."""
+    """Return the number of the body of each node, shape (n,), and -1 for nodes of no cell; cells
+    connect their nodes.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -556,10 +563,15 @@ def _bodies(
     sets: dict[str, list[Ints]],
     free: Iterator[str],
 ) -> dict[str, list[Ints]]:
-    """Return the elements of each of several bodies, which share no node, by the name of a set with
-    these elements, or a free one.
+    """Return the elements of each body, by name; empty if there is only one body.
 
-    ``of_node``: number of the body of each node.
+    Bodies share no node.  The name is that of a set with the same elements, or a free one.
+
+    Args:
+        blocks: the cells, with their kind.
+        of_node: number of the body of each node.
+        sets: the named sets.
+        free: yields free names.
     """
     solid = _solid(blocks)
     labels = plain(_distinct([of_node[table[:, 0]] for table in solid.values()]))
@@ -576,5 +588,5 @@ def _bodies(
 
 
 def _key(rows: Sequence[Ints]) -> tuple[bytes, ...]:
-    """Return a key that is equal for equal rows, in any order."""
+    """Return a key that is equal for equal rows in any order."""
     return tuple(np.sort(part).tobytes() for part in rows)

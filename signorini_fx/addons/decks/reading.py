@@ -1,4 +1,4 @@
-"""An Abaqus input file: each keyword has a function here, or is in a table of
+"""Reading an Abaqus input file: each keyword has a function here, or an entry in
 ``unread_keywords``.
 """
 
@@ -41,7 +41,7 @@ _PROCEDURES = {
 
 
 def read_deck(file: Path) -> Deck:
-    """Return an input file as its mesh and what acts on the body."""
+    """Return the content of an input file: its mesh, materials, supports, loads and contact."""
     model = read_model(file)
     mesh = from_raw(model.raw, str(file))
     outside = {
@@ -69,7 +69,7 @@ def read_deck(file: Path) -> Deck:
 
 
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
-    """Yield the keywords without those of steps that are not static."""
+    """Yield the keywords, except those of steps that are not static."""
     step: list[DeckBlock] | None = None
     seen = False
     static = False
@@ -111,7 +111,9 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
 
 
 def _read_surface(deck: Deck, block: DeckBlock) -> None:
-    """Read *SURFACE: lose the faces that are no part of the body; the others have been read."""
+    """Read *SURFACE: report faces that are no part of the body; the others have already
+    been read.
+    """
     name = block.parameters["NAME"]
     if missing := deck.model.undefined.pop(name, 0):
         deck.lose(
@@ -124,7 +126,9 @@ def _read_heading(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_element(deck: Deck, block: DeckBlock) -> None:
-    """Read *ELEMENT: the assumption of plane elements; lose those that are no part of the body."""
+    """Read *ELEMENT: the hypothesis of plane elements; report elements that are no part of the
+    body.
+    """
     kind = block.parameters["TYPE"].upper()
     if NO_BODY.match(kind):
         if not POINTS.match(kind):
@@ -164,13 +168,17 @@ def _read_static(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_level(deck: Deck, block: DeckBlock) -> None:
-    """Read *PART, *ASSEMBLY and the like, which are lost in a file without instances."""
+    """Read *PART, *ASSEMBLY and similar keywords, which are reported as lost in a file without
+    instances.
+    """
     if not any(other.keyword == "INSTANCE" for other in deck.model.blocks):
         deck.lose(block, unread_keywords.UNKNOWN)
 
 
 def _read_mass(deck: Deck, block: DeckBlock) -> None:
-    """Read *MASS: masses at nodes, which matter where weight or rotation acts on them."""
+    """Read *MASS: masses at nodes, which are reported as lost where weight or rotation acts on
+    them.
+    """
     masses = deck.elements(block.parameters["ELSET"])
     for other in deck.model.blocks:
         for row in other.rows if other.keyword == "DLOAD" else ():

@@ -1,5 +1,5 @@
-"""Displacements that other programs have written: .dat and .frd of CalculiX, .csv with a heading,
-and .vtu.
+"""Displacements that other programs have written: .dat and .frd files of CalculiX, .csv files with
+a heading, and .vtu files.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class ForeignResult:
 
     @property
     def half_unit(self) -> float:
-        """Half a unit of the last printed digit of the largest component, length; 0: all digits are
-        there.
+        """Half a unit of the last printed digit of the largest component, length; 0 if all digits
+        are printed.
         """
         largest = float(np.abs(np.nan_to_num(self.displacement)).max())
         if self.digits is None or not largest > 0:
@@ -52,8 +52,8 @@ _Rows = dict[int, tuple[int, list[str]]]
 
 
 def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Array, int]:
-    """Return the numbers of lines with their words, shape (lines, words), and the digits of the
-    longest.
+    """Return the words of lines as numbers, shape (lines, words), and the largest number of
+    digits.
     """
     values = []
     digits = 0

@@ -1,6 +1,4 @@
-"""Abaqus input files as text: keywords with their parameters and data lines, and the numbers in
-them.
-"""
+"""Abaqus input files as text: keywords with their parameters and data lines, and numbers."""
 
 from __future__ import annotations
 
@@ -59,21 +57,21 @@ class DeckBlock:
 
     @cached_property
     def rows(self) -> Sequence[list[str]]:
-        """The data lines, split at commas; empty words at the end of a line are left out."""
+        """The data lines, split at commas, without empty words at the end of a line."""
         return [
             split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()
         ]
 
     def word(self, key: str, otherwise: str = "") -> str:
-        """Return the value of a parameter in capitals.
-
-        ``otherwise``: where it is not given.
+        """Return the value of a parameter in capitals, or ``otherwise`` in capitals if it is not
+        given.
         """
         return self.parameters.get(key, otherwise).upper()
 
     def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
-        """Return all numbers of the data lines, and how many each line has, 0 if lines differ; None
-        if a word is empty, too large or no number.
+        """Return all numbers of the data lines, and how many each line has, 0 if lines differ.
+
+        Returns None if a word is empty, too large or no number.
         """
         text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
         lengths = [line.count(",") + 1 for line in text.split("\n")]
@@ -98,12 +96,12 @@ class DeckBlock:
 
     @property
     def unread(self) -> list[str]:
-        """The parameters, as ``NAME`` or ``NAME=VALUE``, that are not read."""
+        """The parameters that are not read, as ``NAME`` or ``NAME=VALUE``."""
         return unread_parameters(self.keyword, self.parameters)
 
     @property
     def place(self) -> str:
-        """The line of the keyword and, if it is an included one, its file."""
+        """The line of the keyword and, for an included file, the name of the file."""
         return f"line {self.line}" + (f" of {self.file}" if self.file else "")
 
     @property
@@ -118,7 +116,7 @@ def origins_of(blocks: Iterable[DeckBlock]) -> str:
 
 
 class DeckError(ValueError):
-    """An error in a keyword, with the keyword."""
+    """An error in a keyword of an input file."""
 
     def __init__(self, block: DeckBlock, why: str) -> None:
         self.block = block
@@ -131,7 +129,7 @@ _PYTHONS_WORDS = re.compile(r"invalid literal for int\(\) with base 10: |could n
 
 @contextmanager
 def mesh_errors(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
-    """Turn what goes wrong with a keyword into a ``MeshError`` that names its line."""
+    """Turn errors in reading a keyword into a ``MeshError`` that names its line."""
     try:
         yield
     except DeckError as error:
@@ -147,14 +145,16 @@ def mesh_errors(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
 
 
 def split_words(line: str) -> list[str]:
-    """Return the words of a data line without empty ones at its end."""
+    """Return the words of a data line, without empty words at its end."""
     words = [word.strip().strip('"') for word in line.rstrip(", \t").split(",")]
     return words if any(words) else []
 
 
 def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
-    """Return all keywords of an input file and of the files in its folder that it includes, and
+    """Return all keywords of an input file and of the files that it includes, and the paths of
     these files.
+
+    Included files must be in the folder of the input file.
     """
     blocks: list[DeckBlock] = []
     files: list[Path] = []
@@ -165,7 +165,7 @@ def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
 def _read(
     deck: Path, file: Path, label: str, blocks: list[DeckBlock], files: list[Path], depth: int
 ) -> None:
-    """Add the keywords of a file; data lines at its beginning are those of the last keyword."""
+    """Append the keywords of a file; data lines at its beginning belong to the last keyword."""
     try:
         content = file.read_bytes()
     except OSError as error:
@@ -251,8 +251,8 @@ def check_rows(block: DeckBlock) -> None:
 
 
 def real(word: str) -> float:
-    """Return a finite number, perhaps as Fortran writes it; an empty word is zero, as in both
-    programs.
+    """Return a finite number, also in Fortran's notation; an empty word is zero, as in Abaqus and
+    CalculiX.
     """
     if not word:
         return 0.0
@@ -274,7 +274,7 @@ def real_or_none(word: str) -> float | None:
 
 
 def parameter(block: DeckBlock, key: str) -> float:
-    """Return the number that a parameter of a keyword has."""
+    """Return the value of a parameter of a keyword as a number."""
     if not (word := block.parameters[key]):
         raise ValueError(f"{key} has no value")
     return real(word)
@@ -296,8 +296,8 @@ def components(words: Sequence[str]) -> dict[int, float]:
 
 
 def coordinates(block: DeckBlock) -> tuple[Ints, Array]:
-    """Return the numbers of the nodes of *NODE and their coordinates; those that a line lacks are
-    zero.
+    """Return the numbers of the nodes of *NODE and their coordinates; missing coordinates
+    are zero.
     """
     if (number_table := block.numbers(np.float64)) is not None and number_table[1]:
         table = number_table[0].reshape(-1, number_table[1])
@@ -313,8 +313,8 @@ def coordinates(block: DeckBlock) -> tuple[Ints, Array]:
 
 
 def lines_of(table: Mapping[str, Any]) -> list[str]:
-    """Return the lines of a table of a scene, without keys of no value; the value of the key "#"
-    becomes a comment.
+    """Return the lines of a table of a scene, without keys that have no value; the value of the key
+    "#" becomes a comment.
     """
     given = {key: value for key, value in table.items() if value not in (None, "", ())}
     return [
@@ -337,8 +337,8 @@ def written(value: Any) -> str:
 
 
 def factors_of(values: Sequence[float]) -> tuple[float, tuple[float, ...]]:
-    """Return the largest of the values of some steps, and the share of each step in it; no shares
-    where all steps have the same value.
+    """Return the largest value of several steps by magnitude, and the ratio of each value to it; no
+    ratios if all values are equal.
     """
     largest = max(values, key=abs)
     shares = tuple(value / largest for value in values) if largest else ()

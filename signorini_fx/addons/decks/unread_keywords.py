@@ -1,7 +1,8 @@
-"""The keywords of an Abaqus input file that are not read, by whether the answer changes, and why.
+"""The keywords of an Abaqus input file that are not read, by whether the solution changes, with the
+reason.
 
-Of keywords that are read in part the readers say it themselves.  The tests read a deck with each of
-them.
+Keywords that are read in part are reported by their readers.  The tests read a deck with each of
+these keywords.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ NO_BODY_PART = "no part of the body"
 
 
 def _each(effect: str, *names: str) -> dict[str, str]:
-    """Return one reason for several keywords, without blanks, which the programs ignore."""
+    """Return one reason for several keywords, whose blanks are removed, as Abaqus and CalculiX
+    ignore them.
+    """
     return dict.fromkeys((name.replace(" ", "") for name in names), effect)
 
 
