@@ -149,7 +149,7 @@ def boundary_fields(
         nodes = _nodes_of_parent(part, parent, cells)
         values = made[name].x.array
         values.reshape(-1, size)[part.dofmap.list] = function.x.array.reshape(-1, size)[nodes]
-        made[name].x.scatter_forward()  # of cells beside that are other ranks'
+        made[name].x.scatter_forward()  # ghost cells
     return BoundaryFields(mesh=mesh, facets=cells, **made)
 
 

@@ -80,7 +80,7 @@ class ResultFolder:
         """Replace the results of earlier runs with what was written, the summary last."""
 
         def replace(new: list[str]) -> None:
-            # Listed before they are there: if this is interrupted, the next run knows them.
+            # Listed before they are moved: if this is interrupted, the next run can remove them.
             manifest.add(self.path, new)
             (self.path / SUMMARY).unlink(missing_ok=True)
             manifest.remove(self.path)

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.contact_table import ContactTable
     from signorini_fx.quantities.summary import Price
 
-# The largest pressure is not resolved if it differs by more than the first share from those beside
-# it; it still grows towards an end if it bends by more than the second.
+# The largest pressure is not resolved if it differs from its neighbours by more than the first
+# share; it still grows towards an end if its second difference exceeds the second.
 _UNRESOLVED, _GROWS = 2 * NOTABLE, NOTABLE / 5
 # With fewer nodes in contact no figure of the contact has more than one correct digit.
 _TOO_FEW = FEW_NODES // 2 + 1

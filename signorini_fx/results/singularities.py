@@ -46,11 +46,11 @@ class BoundaryFacet:
 
     vertices: Array
     normal: Array
-    kind: str  # what is prescribed there
-    names: tuple[str, ...]  # by which boundaries
-    paired: str  # how it may touch another body, "contact", "bonded" or ""
+    kind: str  # free, guided (some components prescribed) or held
+    names: tuple[str, ...]  # of the boundaries with this condition
+    paired: str  # contact with another body: "contact", "bonded" or ""
     piece: int
-    material: tuple[Any, ...]  # what counts of it
+    material: tuple[Any, ...]  # equal for equal materials, see ``_materials``
 
     @property
     def size(self) -> float:

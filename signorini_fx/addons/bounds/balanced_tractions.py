@@ -120,8 +120,7 @@ def balanced(
         length = 1.0
         while True:
             tractions, unbalanced, reached = tried(y + length * step)
-            # Near the maximum its change is round-off, which says nothing; what is not balanced
-            # does.
+            # Near the maximum the change of the function is round-off; then the imbalance decides.
             if reached >= value or length < NOTHING_LEFT or imbalance(unbalanced) < last:
                 break
             length /= 2

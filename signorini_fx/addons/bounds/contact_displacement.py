@@ -91,7 +91,7 @@ def _separate(
             depth = surface.excess(problem.relative(surface, y))[:, d:]
             depth = np.where(at_edges, depth, depth.clip(min=-tiny)) + tiny
             for (_, edges), moved in shares:
-                # Twice the middle of an edge is what its coefficient of Bernstein has of it.
+                # The Bernstein coefficient of an edge changes by twice as much as its middle.
                 y -= moved * _moved(edges, depth / 2, parts.normal, free)
 
 

@@ -39,12 +39,12 @@ class ContactParts:
     on a foundation.
     """
 
-    facets: tuple[Ints, ...]  # of each side that have some, shapes (f,) and (g,)
-    row: tuple[Ints, ...]  # of the parts among these, shapes (m,)
+    facets: tuple[Ints, ...]  # facets of each side with parts, shapes (f,) and (g,)
+    row: tuple[Ints, ...]  # position of the facet of each part among these, shapes (m,)
     local: tuple[
         Array, ...
     ]  # barycentric coordinates of their vertices in the facets of each side, shapes (m, d, d)
-    area: Array  # of them, shape (m,)
+    area: Array  # area of the parts, shape (m,)
     normal: Array  # to the foundation or the other body, shape (m, d)
     by_facets: bool  # whether they are whole facets of each side
 

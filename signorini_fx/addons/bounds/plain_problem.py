@@ -43,7 +43,7 @@ from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 T = TypeVar("T")
-# Arrays by their names, with the rows of one rank or of all of them.
+# Arrays by name, with the rows of one rank or of all ranks.
 Rows = dict[str, npt.NDArray[Any]]
 
 
@@ -184,7 +184,7 @@ _ON_HALVES: Array = np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2
 class FacetsInContact:
     """The facets of one contact, with its gap and its tractions."""
 
-    parts: ContactParts  # where it is, m of them, on f facets with contact points
+    parts: ContactParts  # the m parts of the contact, on f facets with contact points
     gap: Array  # coefficients of Bernstein on the parts, length, shape (m, 3 or 6)
     bound: Array  # g at the vertices of the facets, stress, shape (f, d)
     pressure: Array  # p, see ``bound``

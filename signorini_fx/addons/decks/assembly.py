@@ -20,8 +20,8 @@ from signorini_fx.mechanics.statement.rigid_shape import turning
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
 _NAMING = ("NSET", "ELSET", "SURFACE", "NODE")
-# Keywords whose rows begin with a node, an element or a set of them, and how many such words there
-# are; None: all.
+# Keywords whose rows begin with nodes, elements or sets of them, and the number of such words; None
+# for all words.
 _REFERRING: dict[str, int | None] = {
     **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
     **dict.fromkeys(
@@ -59,7 +59,7 @@ class _Scope:
     move: _Motion | None = (
         None  # from its coordinates to those of the assembly; None: they are the same
     )
-    first: int = 0  # what is added to its numbers
+    first: int = 0  # offset that is added to its numbers
     names: set[str] = field(default_factory=set)  # of its sets and surfaces, in capitals
 
 
@@ -183,7 +183,7 @@ class _Names:
 
     whole: _Scope  # all that is outside of instances
     instances: dict[str, _Scope]  # by their names in capitals
-    counts: Counter[str]  # how many of them have a name
+    counts: Counter[str]  # how many scopes have each name
 
     def word(self, word: str, scope: _Scope) -> str:
         """Return the unique name of a set, surface, node or element of a scope."""

@@ -29,10 +29,8 @@ class Draft:
     """A scene that was drafted from an input file."""
 
     text: str  # of the scene file
-    lost: list[
-        str
-    ]  # what the scene lacks, so that its solution is another one; the scene says it itself
-    noted: list[str]  # what is put in another way, or does not change the solution
+    lost: list[str]  # what the scene lacks, so that its solution differs; also listed in the scene
+    noted: list[str]  # what is stated in another way, or does not change the solution
     deck: Deck  # what was read
 
 

@@ -50,7 +50,7 @@ _OTHER_FACE = re.compile(r"SPOS|SNEG|EDGE\d*|END\d")
 # stiffness.
 POINTS = re.compile("MASS|ROTARYI|HEATCAP")
 NO_BODY = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT|SPRING|GAP|DCOUP|CONN|D$")
-# Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
+# Corners of the faces S1, S2 ... of each kind of element; in 2D those of its sides.
 _FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     "triangle": ((0, 1), (1, 2), (2, 0)),
     "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
@@ -108,9 +108,9 @@ class Group:
     """Nodes or faces to which a keyword gives values of the same kind, one by one."""
 
     name: str  # of the set that they make
-    words: Words  # what is given, as in a row for a set
+    words: Words  # the data, as in a row for a set
     nodes: tuple[int, ...]  # their numbers in the file; of faces none
-    values: tuple[float, ...]  # of each node or face what is given there
+    values: tuple[float, ...]  # the value at each node or face
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class DeckModel:
         str, list[tuple[int, int]]
     ]  # name of a surface -> its elements, each with a face from 1 on
     elements: dict[str, Ints]  # name of a set of elements -> their numbers, of points too
-    spelt: dict[str, str]  # names in capitals -> as they are written first
+    spelt: dict[str, str]  # name in capitals -> its first spelling
     # names of the parts that share no node, if there are several and the file gives nodes values
     bodies: tuple[str, ...]
 
@@ -148,9 +148,7 @@ class _Reader:
     )
     passed_over: bool = False  # whether there are elements that are no part of the body
     undefined: dict[str, int] = field(default_factory=dict)
-    spelt: dict[str, str] = field(
-        default_factory=dict
-    )  # names in capitals -> as they are written first
+    spelt: dict[str, str] = field(default_factory=dict)  # name in capitals -> its first spelling
 
     def read(self, block: DeckBlock) -> None:
         """Read the nodes, elements, sets and single values of a keyword."""

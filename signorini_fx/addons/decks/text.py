@@ -123,7 +123,7 @@ class DeckError(ValueError):
         super().__init__(why)
 
 
-# How Python says that a word is no number.
+# Messages of Python about words that are no numbers.
 _PYTHONS_WORDS = re.compile(r"invalid literal for int\(\) with base 10: |could not convert .*: ")
 
 

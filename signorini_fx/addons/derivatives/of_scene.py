@@ -663,7 +663,7 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
     for key in keys:
         if (
             isinstance(key, str) and isinstance(value, tuple) and len(value) == 1
-        ):  # a list of one is what is in it
+        ):  # a list of one entry stands for this entry
             way = [*way, (value, 0)]
             value = value[0]
         way.append((value, key))

@@ -49,14 +49,14 @@ _COARSER = 2.0
 # A condition that is violated by more than this share is so with any elements, unless our solution
 # on the next mesh does so at the nodes of this one.
 _HALF = 0.5
-# What is said of a violated condition of contact, with its share.
+# Messages about violated conditions of contact, with their share.
 _CONDITIONS = {
     "penetration": "sides enter each other by {} of the deformation",
     "tension": "contact pulls with {} of the largest pressure",
     "complementarity": "contact presses across an open gap, by {}",
     "friction": "friction is not that of the slip and the pressure, by {}",
 }
-# What a result must agree in: the energy norm, and what users look at.
+# Measures in which a result must agree: the energy norm, and the quantities that users look at.
 _MEASURES = {"distance": "energy norm", "displacement": "displacement", "force": "contact force"}
 
 
@@ -417,7 +417,7 @@ class _Judging:
             enough = min(JUDGED_LEFT * on_mesh + printed, farthest)
         if other.distance <= enough:
             return other.text
-        # What is not explained in energy, as of other elements, may be so in what is too far away.
+        # With other elements an alternative may explain the measures that differ, not the energy.
         excess = self._excess(self.own)
         away = self._away_from(other.displacement)
         explained = bool(excess) and (share < 1 if self._excess({}) else share**2 <= JUDGED_LEFT)

@@ -54,7 +54,7 @@ STATES = {
     "contact": ("#8c8c8c", "in contact, no friction"),
 }
 
-_FEWEST = 5  # nodes of a part of it that is drawn alone: the curves of fewer are hardly to be seen
+_FEWEST = 5  # nodes of a part that is drawn alone: with fewer a curve is hardly visible
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def deformed_mesh(
     values = body.at_corners(name).ravel()
     if zone is None:
         ends = usual_range(values, _areas(moved[body.triangles]).repeat(3) / 3, signed=field.signed)
-    else:  # the scale is that of what is enlarged
+    else:  # the colour scale is that of the enlarged part
         panels.append((1.0, zone))
         remark = f"left: {remark}; right: the contact zone as it is"
         places = body.moved(1.0)[body.within]

@@ -38,15 +38,15 @@ class Foundation:
     """
 
     nodes: Array  # positions of the contact nodes, length, in 2D in order, shape (k, d)
-    normals: Array  # towards what they may touch, shape (k, d)
-    gap: Array  # d from each node along its normal to that, length, shape (k,)
+    normals: Array  # towards the foundation or other body, shape (k, d)
+    gap: Array  # distance d of the foundation or other body along them, length, shape (k,)
     touching: Flags  # nodes in contact, shape (k,)
     facets: Ints | None = (
         None  # in 3D nodes of each facet, in order along its perimeter, shape (m, 3) or (m, 4)
     )
     rigid: bool = True  # False: another body, which is drawn itself
-    # the whole of a rigid one near the body, see ``drawn_shapes``, in 2D of one part of a boundary,
-    # [] of the others; None: only what is opposite of the nodes is known
+    # the whole surface of a rigid shape near the body, see ``drawn_shapes``, in 2D for one part of
+    # a boundary and [] for the others; None: only the points opposite the nodes are known
     surface: Any = None
 
     def drawn(self, factor: float) -> Array:

@@ -95,15 +95,14 @@ class ResultPictures:
     """The data for the pictures of a solution; ``draw`` is called on the first rank."""
 
     solution: Solution
-    suffixes: Sequence[str]  # of the files to write
+    suffixes: Sequence[str]  # suffixes of the files to write
     # names of the fields that are drawn on the body, the von Mises stress first, where it is known
     fields: tuple[str, ...] = ()
     body: DrawnBody | None = None  # None if it has too many facets
-    # of each boundary whose foundation is a shape its lines, or points and triangles, where it is,
-    # to be drawn where nothing is magnified; see ``rigid_shapes``
+    # the surface of each foundation that is a shape, by its boundary: lines, or points and
+    # triangles, to be drawn where nothing is magnified; see ``rigid_shapes``
     shapes: Mapping[str, DrawnSurface] = field(default_factory=dict)
-    # what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it
-    # was
+    # supports, loads and contact, to be drawn where nothing was solved; None: it was solved
     setup: Setup | None = None
 
     def draw(

@@ -26,7 +26,7 @@ from signorini_fx.machine.terminal import printable
 from signorini_fx.mechanics.statement.units import bracketed, unit
 
 PNG_DPI = 200
-_RASTER_DPI = 300  # of what is an image in a PDF or SVG
+_RASTER_DPI = 300  # of images within a PDF or SVG
 SCREEN = (".png",)
 INK = "#1a1a1a"
 MUTED = "#6b6b6b"

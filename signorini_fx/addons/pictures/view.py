@@ -10,7 +10,7 @@ from signorini_fx.addons.pictures.style import MINUS
 from signorini_fx.arrays import Array, Ints
 from signorini_fx.tuned import ALONG_AXIS
 
-_MARGIN = 0.06  # around what is seen, of the longer side of the window
+_MARGIN = 0.06  # around the visible points, as a share of the longer side
 
 
 @dataclass(frozen=True)

@@ -76,9 +76,8 @@ def _page(summary: Summary, folder: Path, only: Sequence[str]) -> str:
     no_result = sections.no_result(summary)
     note = (
         part("note", no_result) if no_result else Markup("")
-    )  # of what the figures of a chapter are
-    # First what is asked first, then what was found, then why it may be trusted, last how it was
-    # computed.
+    )  # on the state that figures belong to
+    # First the outcome, then the results, then their checks, and last how they were computed.
     chapters = {
         "Outcome": sections.outcome(summary, folder),
         "Body": turning_body(summary, folder) if solved else Markup(""),

@@ -117,7 +117,7 @@ def figures(summary: Summary) -> Markup:
 def _note(summary: Summary) -> str:
     """Return a note on the sign of forces and moments, and on the units."""
     who, body = _sides(summary)
-    forms = "forms" in summary["scene"]  # their measure says what is integrated
+    forms = "forms" in summary["scene"]  # forces are integrated by the measure of the forms
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
     integrated = ", integrated by the measure of the forms" if forms else ""
     names = names_of(summary["scene"], summary["dimension"])
@@ -282,7 +282,7 @@ def certificate(summary: Summary) -> Markup:
     return joined(parts)
 
 
-# What the page says elsewhere.
+# Entries that are shown elsewhere on the page.
 _ELSEWHERE = {"title", "incomplete", "units", "solver", "accuracy"}
 
 

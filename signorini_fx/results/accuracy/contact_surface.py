@@ -18,8 +18,8 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
-# Corners of the pieces of a facet with so many nodes, one after the other around the piece.  Nodes
-# as basix has them: vertices, middles of edges, the middle.
+# By the number of nodes of a facet the corners of its pieces, in order around each piece.  Nodes
+# are in basix's order: vertices, middles of edges, the middle.
 _TRIANGLE = [[0, 1, 2]]
 _QUADRILATERAL = [[0, 1, 3, 2]]
 _PIECES = {

@@ -88,7 +88,7 @@ def estimated_cost(model: Model) -> Cost:
     )
     factorisation = factorisation_seconds(n, dim)
     solves = linear_solves(model, nodes)
-    matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
+    matrix = 12.0 * dim * 3**dim * n  # entries of the rows of Q1
     kind, reason = choice.choose_kind(model.system_size(), model.settings.linear_algebra)
     dense = 0
     held = 12.0 * factor_entries(n, dim)

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.tuned import FEW_NODES
 
-# A cell is long that is as long as so many facets beside it, and as so many times its distance.
+# A cell is long if its length is this many times that of a facet, and its distance from the facet.
 _LONG = FEW_NODES // 2
 
 

@@ -203,7 +203,7 @@ def judged(
     strain_energy = balance.strain_energy(works)
     strained = max(
         half, strain_energy if balance.dilation is not None else 0.0
-    )  # or its pressure takes of it
+    )  # an unknown pressure may reduce half
     scales, stiffest = balance.of_pieces()
     # It is not known which piece the initial strains strain.
     halves = (
@@ -261,7 +261,7 @@ def judged(
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
     u_n, slip = nodes.traces(y, moved)
     origin = np.zeros_like(nodes.shear)
-    if before is not None:  # what is added to it has its round-off
+    if before is not None:  # the step adds to it, and has its round-off
         last = ContactNodes.of(contact, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[:owned]
         stress = np.maximum(stress, NO_FORCE * largest(last.felt))

@@ -35,26 +35,24 @@ class Balance:
     scales.
     """
 
-    pieces: RigidPart  # those of the body
+    pieces: RigidPart  # connected pieces of the body
     internal: Array  # a(y, .) of the strains
-    external: Array  # L
-    supports: PrescribedNodes  # what is prescribed
+    external: Array  # the load vector L
+    supports: PrescribedNodes  # prescribed displacements
     scales: Scales[float]  # of lengths and stresses
     stiffest: Scales[float]  # the same with the largest modulus
-    resisted: Array  # what resists the displacement on the boundary, the rest of a(y, .)
-    initial: Array | float = 0.0  # those of initial strains where they are prevented
-    prevented: float = 0.0  # energy of their stress then
+    resisted: Array  # forces of springs on the boundary, the rest of a(y, .)
+    initial: Array | float = 0.0  # forces of prevented initial strains
+    prevented: float = 0.0  # energy of the stress of prevented initial strains
     dilation: tuple[Array, Array] | None = (
         None  # see ``NodalForces.dilation``; None: the pressure is no unknown
     )
-    # round-off of ``internal`` that does not decrease with y, as that of a finite deformation I +
-    # grad u
+    # round-off of ``internal`` that does not decrease with y, such as that of a finite deformation
+    # I + grad u; None: there is none
     lost: Array | None = None
-    with_loads: bool = (
-        False  # whether ``internal`` is a whole residual, from which loads cannot be told
-    )
-    displaced: bool = False  # whether contact is met at displaced points
-    added: AddedForces | None = None  # what effects in time add; ``external`` has its loads
+    with_loads: bool = False  # whether ``internal`` is a whole residual, which contains the loads
+    displaced: bool = False  # whether contact is evaluated at displaced points
+    added: AddedForces | None = None  # of effects in time; ``external`` includes its loads
 
     def with_added(self, added: AddedForces) -> Balance:
         """Return the balance with the forces of an effect in time."""
@@ -217,7 +215,7 @@ def equilibrium(
         slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
         slight = np.maximum(
             slight, NO_FORCE * pieces.norms(pressed)
-        )  # also what supports take of it
+        )  # including what supports take
     on_pieces = np.max([pieces.norms(part) for part in acting], axis=0)
     force = np.max([least, slight, on_pieces], axis=0)
     joint = NO_FORCE * float(force.max())  # round-off of the joint system
