@@ -75,7 +75,7 @@ def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
         if len(kinds)
         else np.zeros((0, space.dofmap.list.shape[1]), dtype=int)
     )
-    # In the order of the cells: each field has degrees of freedom of its own.
+    # In the order of the cells: each field has its own degrees of freedom.
     numbers = space.dofmap.list
     order = [list(numbers[0]).index(number) for number in cells[0]] if len(cells) else []
     values = {}
@@ -122,7 +122,7 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
             known["density"] = stress.shear_energy_density
         if stress.plastic_strain is not None:
             known["plastic_strain"] = stress.plastic_strain
-        # The same fields in all load steps: those of recovery need finite values, which only a
+        # All load steps have the same fields: recovered ones need finite values, which only a
         # failed first step lacks.
         if stress.recovers and not parallel.any_rank(
             solution.comm, not np.isfinite(y.x.array).all()

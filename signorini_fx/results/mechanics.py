@@ -49,10 +49,10 @@ class Mechanics(ABC):
     is the position in the lists of load factors.
     """
 
-    no_bounds: ClassVar[str] = ""  # why there are no guaranteed bounds; "": there may be
+    no_bounds: ClassVar[str] = ""  # why there are no guaranteed bounds; "" if there may be
 
     model: Model
-    statement: Statement  # names; of forms of a user's own less than all that acts
+    statement: Statement  # named entries; with forms, not everything that acts
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         """Return the contact points at a displacement and their conditions, or None without

@@ -418,7 +418,7 @@ def force_between_points(solution: Any) -> float:
             values = values.reshape(len(values), *x.shape[1:])
             forces.append(values @ weights)
             if len(forces) == 1:
-                # What varies little within a facet is integrated well enough.
+                # A load that varies little within a facet is integrated well enough.
                 varies = np.ptp(values, axis=2).max(axis=0, initial=0.0)
                 jumps = varies > NOTABLE * np.abs(values).max(initial=0.0)
                 corners = corners[jumps]
@@ -479,7 +479,7 @@ def _near_a_corner(solution: Any) -> str:
     pressure = table.columns["pressure"]
     x = places(table)
     beyond = ends_on_another(solution.model, table)
-    # Facets of an arc open the angle that it has with a plane of symmetry.
+    # Facets of an arc enlarge its angle with a plane of symmetry.
     straight = not chords(table)[0].size
     for path in table.paths if table.facets is None else ():
         for end, inside in ((0, 1), (-1, -2)):
@@ -535,7 +535,7 @@ def _contact_area(solution: Any) -> PrintedNumber:
         rows, s, own = table.unrolled(path)
         sizes = np.diff(s) * _around(solution, rows)
         ends += float((sizes * (touching[rows[1:]] != touching[rows[:-1]]))[own].sum())
-        # A pressure that falls to nothing within a facet may do so before the end.
+        # A pressure that decreases to zero within a facet may do so before its end.
         for end, inside, size in ((0, 1, sizes[:1]), (-1, -2, sizes[-1:])):
             falls = 2 * columns["pressure"][rows[end]] < columns["pressure"][rows[inside]]
             if own.start == 0 and touching[rows[end]] and falls:

@@ -92,10 +92,10 @@ class ActingForces:
     balance: Balance
     supports: Sequence[
         str | None
-    ]  # names of what the numbers in ``balance.supports.by`` stand for, None: nothing
+    ]  # the support of each number in ``balance.supports.by``, None for none
     loads: Sequence[NamedForces]
-    names: Sequence[str | None]  # of the parts of the boundary with any of them
-    displaced: bool = False  # whether they act at the displaced points
+    names: Sequence[str | None]  # boundaries with any of these forces
+    displaced: bool = False  # whether forces act at displaced points
 
     def with_added(self, added: AddedForces) -> ActingForces:
         """Return the same with the forces of an effect in time."""
@@ -253,13 +253,13 @@ class Resultants:
                 forces = sign * points.nodal_forces(state.pressure, state.shear)
                 placed = [
                     number for number, pair in pairs.items() if pair.displaced
-                ]  # points that slide are there
+                ]  # points on sides that slide are displaced already
                 moved = np.where(
                     np.isin(points.part, placed)[:, None], 0.0, self._moved[points.nodes]
                 )
                 places = (points.centre + moved)[on_boundary]
                 acting = forces[on_boundary]
-                if "contact" in by_cause:  # it touches itself
+                if "contact" in by_cause:  # the body touches itself
                     places = np.concatenate((by_cause["contact"][0], places))
                     acting = np.concatenate((by_cause["contact"][1], acting))
                 by_cause["contact"] = places, acting

@@ -180,7 +180,7 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str
     """
     if (
         facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
-    ):  # that is a mirror
+    ):  # on a plane of symmetry
         return "where materials meet at the boundary"
     turn = float(np.degrees(np.arccos(np.clip(facet_a.normal @ facet_b.normal, -1.0, 1.0))))
     reentrant = (facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0)) @ facet_a.normal > 0
@@ -210,7 +210,7 @@ def facets_near(body: Model, point: Array | None) -> list[BoundaryFacet]:
     entities = facet_entities(mesh, numbers)
     cell = getattr(basix.CellType, mesh.topology.cell_name())
     corners = len(basix.geometry(cell))
-    # Curved ones have nodes on their sides and within, too.
+    # Curved facets have nodes on their sides and inside, too.
     of_facet = len(basix.topology(cell)[dim - 1][0])
     vertices = facet_vertices(mesh, numbers)[:, :of_facet, :dim]
     size = extents(vertices)
@@ -246,7 +246,7 @@ def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:
     pressed = columns["weight"] * (pressure > 0)
     if not pressed.any():
         return None
-    # Each of two bodies alone is bounded at the edge of the other one.
+    # The shape of each body alone does not show the singularity at the edge of the other one.
     steep = pressure > (1 + NOTABLE) * np.average(pressure, weights=pressed)
     for row in growing_rows(table):
         place = tuple(float(columns[axis][row]) for axis in "xyz" if axis in columns)

@@ -220,7 +220,7 @@ class Solution:
             why = next(named, self.status.advice).removeprefix(f"{self.status.value}: ")
             return between * ended_between + why
         if self.status in UNDECIDED and ended_between:
-            # What regularisation leaves of slip in each load step wedges a body between several
+            # The slip that regularisation leaves in each load step wedges a body between several
             # walls.
             wedged = (
                 self.model.has_coulomb

@@ -261,9 +261,9 @@ class PointStress:
     rank owns, q in each; at small strains the stress.
     """
 
-    points: Array  # of the reference cell, shape (q, t)
+    points: Array  # in the reference cell, shape (q, t)
     weights: Array  # shape (q,)
-    x: Array  # undeformed, length, shape (c, q, t)
+    x: Array  # undeformed positions, length, shape (c, q, t)
     stress: Array  # tension positive, shape (c, q, 3, 3)
     plastic: Array | None = (
         None  # the accumulated plastic strain, shape (c, q); None: there is none

@@ -141,7 +141,7 @@ def _columns(steps: Columns, kind: str, axes: Sequence[str], end: str) -> list[_
 
 def _over_motion(steps: Columns, end: str, friction: Sequence[_Curve]) -> _Curve:
     """Return the largest component of friction over the motion in its direction, in 2D along the
-    boundary; or the torque over the rotation.
+    boundary; or the torque over the motion around the axis.
     """
     name = "mean_tangential_displacement"
     if "torque" in steps:

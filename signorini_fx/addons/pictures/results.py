@@ -36,9 +36,9 @@ def gather_pictures(
 ) -> ResultPictures:
     """Return the data for the pictures of a solution; collective.
 
-    The von Mises stress is always drawn, the displacement if there is no stress, and with torsion
-    also ``around``; ``asked`` are further fields.  Fields that need a missing stress are left out,
-    with a message.
+    The von Mises stress is drawn, or the displacement if there is no stress, with torsion also
+    ``around``, and the fields ``asked``.  Fields that need a missing stress are left out, with a
+    message.
     """
     suffixes = (".png", ".pdf") if pdf else (".png",)
     if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics

@@ -142,7 +142,7 @@ def linearised(
     along = gamma[1] * inner(slip, state.slip_length)
     if not exact:
         reach = np.maximum(along + (0.0 if before is None else inner(slip, before)), bound)
-    else:  # where the slip is hardly any the shear turns as if it were regularised
+    else:  # where the slip is very small, the shear turns as if it were regularised
         reach = np.maximum(along, bound * CERTIFICATE_TOLERANCE)
     share = gamma[1] * quotient(bound, reach)
     turning = np.zeros_like(spread)
@@ -181,7 +181,7 @@ class Explicit:
     values, or their derivatives.
     """
 
-    values: Sequence[float]  # of the quantities
+    values: Sequence[float]  # values of the quantities
     residual: PETSc.Vec  # R at the unknowns of the stiffness
     relative: Array  # B x - d, length, shape (n, d)
     bound: Array  # the friction bound, stress, shape (n,)
@@ -195,8 +195,8 @@ class Adjoint:
     untied: (
         Array  # q at the points, for what changes tractions at a given displacement, shape (n, d)
     )
-    # minus what a displacement of the tied components, and the turning of shear, contribute, shape
-    # (n, d)
+    # minus the contributions of displacements of tied components, and of the turning of shear,
+    # shape (n, d)
     tied: Array
     law: LinearisedLaw  # the linearised law
     weight: Array  # w, shape (n,)

@@ -35,12 +35,12 @@ class ContactSurface:
     """The flat pieces of a contact surface, with k corners each, 3 or 4."""
 
     x: Array  # position of the nodes, length, shape (rows, 3)
-    # the rows of the contact table at the corners of each piece, around it, shape (pieces, k)
+    # rows of the contact table at the corners of each piece, in order around it, shape (pieces, k)
     corners: Ints
-    per_facet: int  # how many pieces a facet has; those of one facet follow each other
-    # which facets of the table have pieces: between two bodies those whose nodes all carry a point
+    per_facet: int  # pieces of each facet, which follow each other
+    # the facets of the table with pieces: between two bodies those with contact points at all nodes
     facets: Ints
-    count: int  # of all facets of the table
+    count: int  # number of facets of the table
 
     @classmethod
     def of(cls, table: ContactTable) -> ContactSurface:
@@ -141,7 +141,7 @@ class ContactSurface:
         the rim.
         """
         neighbour_normal = self.normal[np.maximum(self.across, 0) // self.corners.shape[1]]
-        # Orders around pieces may differ: then one normal points in.
+        # The orders of corners may differ: then one normal points inwards.
         cosine = np.abs(np.einsum("ik,ijk->ij", self.normal, neighbour_normal))
         sine = np.linalg.norm(np.cross(self.normal[:, None, :], neighbour_normal), axis=2)
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))

@@ -33,15 +33,15 @@ from signorini_fx.tuned import (
 class Cost:
     """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s."""
 
-    unknowns: int  # displacement components that are not prescribed, of the body and of rigid ones
+    unknowns: int  # free displacement components, of the body and of rigid bodies
     linear_algebra: str  # ``full``, ``krylov`` or ``condensed``, and why
     linear_solves: tuple[int, int]  # from and to, of all load steps
     seconds: tuple[float, float]  # of the whole solve, from and to
     memory_bytes: float  # of the whole process
-    next_error: float  # the share of the error that the next two are about
-    next_seconds: tuple[float, float]  # that it would take, from and to
+    next_error: float  # ratio of the next error to the present one
+    next_seconds: tuple[float, float]  # seconds for the next error, from and to
     next_local: bool  # whether cells are divided where the error is; otherwise all become smaller
-    next_refused: str  # why no accuracy can be asked for, so that none is foretold; "": it can
+    next_refused: str  # why no accuracy can be requested; "" if it can
 
 
 def linear_solves(model: Model, nodes: int) -> tuple[int, int]:
@@ -104,7 +104,7 @@ def estimated_cost(model: Model) -> Cost:
         per_solve = SOLVE_SECONDS * n
     if model.boundary is not None and model.boundary.moving is not None:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
-    # What else there is, of each load step.
+    # All other work, for each load step.
     steps = 1 if model.boundary is None else model.path.expected
     rest = steps * WHOLE_SECONDS[dim] * (FIXED_UNKNOWNS[dim] + n)
     seconds = (max(once + solves[0] * per_solve, rest), max(once + solves[1] * per_solve, rest))

@@ -118,9 +118,10 @@ class RigidPart:
 class PrescribedNodes:
     """The prescribed displacements of the owned nodes."""
 
-    fixed: Flags  # at turned nodes in their frames
-    value: Array  # along the axes
-    # place in ``scene.displacement`` of what prescribes a component along the axes, else -1
+    fixed: Flags  # which components are prescribed, in ``_frames``, shape (owned nodes, d)
+    value: Array  # prescribed displacements along the axes, length, shape (owned nodes, d)
+    # position in ``scene.displacement`` of the entry that prescribes a component along the axes, -1
+    # for none
     by: Ints
     turned: TurnedNodes | None = None
 

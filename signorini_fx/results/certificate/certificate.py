@@ -157,7 +157,7 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> 
         forces.external(step),
         forces.prescribed(step),
         scales,
-        # With a pressure forces are not those of a change of volume.
+        # If the pressure is an unknown, forces are not those of the bulk modulus.
         replace(
             scales,
             modulus=max(
@@ -253,7 +253,7 @@ def judged(
     # of displacements.
     fineness = largest(np.asarray(1.0 / balance.scales.side(contact.boundary.weight)))
     unknown = stiffest.modulus * np.where(alone, reach, far) * fineness
-    # What supports take of a traction leaves its round-off in the directions that are free, and in
+    # The part of a traction that supports take leaves its round-off in the free directions, and in
     # the penetration.
     unknown = np.maximum(unknown, largest(np.linalg.norm(nodes.traction, axis=1)))
     felt = largest(nodes.felt)
@@ -378,8 +378,8 @@ def contact_conditions(
         on = nodes.part(number)
         entered[on] = np.maximum(overlap[on], 0.0) - pressure[on] / soft.stiffness
     xi = slip - (shear - origin) / law.gamma_t
-    # At points that cannot move along their normal supports take what contact would, and it has no
-    # pressure.
+    # At points that cannot move along their normal, supports take the contact force, and the
+    # pressure must vanish.
     overlap = np.where(immovable, np.minimum(overlap, 0.0), overlap)
     entered = np.where(immovable, 0.0, entered)
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))
@@ -388,7 +388,7 @@ def contact_conditions(
     way = quotient(xi, slipped[:, None])
     along = np.sum(shear * way, axis=1)
     astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
-    # What is along the normal, or across a plane of symmetry, is no friction.
+    # A shear along the normal, or across a plane of symmetry, is no friction.
     excluded = np.linalg.norm(nodes.shear - nodes.along(nodes.shear), axis=1)
     for pair, part in nodes.of_pairs:
         across = matvec(pair.across, nodes.shear[part])

@@ -33,10 +33,10 @@ class ContactConditions:
 
     boundary: ContactBoundary
     gap: Array  # d, length, shape (n,)
-    law: PointFriction | None  # of friction; None: there is none
+    law: PointFriction | None  # friction law; None without friction
     bilateral: Flags  # where contact cannot open, shape (n,)
-    pairs: Mapping[int, PairPoints]  # the points of two bodies, by the numbers of their contacts
-    bond: Bond | None  # as the step begins; None: there is none
+    pairs: Mapping[int, PairPoints]  # points between two bodies, by the number of the contact
+    bond: Bond | None  # at the beginning of the step; None without one
 
     def part(self, *numbers: int) -> Ints:
         """Return the points of the contacts with these numbers."""
@@ -62,7 +62,7 @@ class ContactNodes(ContactConditions):
     """
 
     pressure: Array  # stress, shape (n,)
-    shear: Array  # as vectors of space, stress, shape (n, d)
+    shear: Array  # in Cartesian components, stress, shape (n, d)
     broken: Array | None = None  # share of friction that acts, shape (n,); None: all of it
 
     @classmethod

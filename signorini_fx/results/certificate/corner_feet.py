@@ -95,7 +95,7 @@ def judged_corners(
     for k, name in enumerate(map(int, further)):
         unknown[k] = places.get(name, unknown[k])
     between = None
-    if averages.paired:  # beside pairs
+    if averages.paired:  # there are pairs of bodies too
         dim = boundary.x.shape[1]
         kept = np.ones(boundary.size)
         kept[row] = 0.0

@@ -227,7 +227,7 @@ def equilibrium(
     coordinates = parallel.largest(comm, np.abs(pieces.x), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
     missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / spacing * reacting
-    # A piece that no load acts on rests where forces are no more than what solves leave.
+    # A piece without loads is at rest if its forces are no more than the residuals of solves.
     rests = pieces.norms(loads) + float(balance.with_loads) == 0
     rests &= np.maximum(on_pieces, reacting) <= LEFT_BY_SOLVES / NO_FORCE * least
     missing = np.where(rests, 0.0, missing)
@@ -235,21 +235,21 @@ def equilibrium(
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
         within = pieces.norms(balance.internal)
-        # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be
-        # lost.  It differs from its nearest small rotation by nothing, or, where forces within are
-        # round-off, by a share that displacements do not show, or by as much as would show in them.
+        # A body without forces that supports move as a whole has no equilibrium to lose.  Its
+        # difference from the best-fitting small rotation is zero, or, where internal forces are
+        # round-off, below the digits of displacements, or that of a finite rotation.
         beside = pieces.largest_beside(y)
         turned = (beside <= ROOT_OF_EPS * reach) | (beside > digits * pieces.size)
         whole = (beside <= digits * reach) | (turned & (within <= lost))
-        # What touches such a body without a force transmits round-off.
+        # A contact of such a body without a force transmits round-off.
         known = ((on_pieces == 0) | (balance.imposed & (on_pieces <= lost))) & whole
         hidden = share(comm, np.where(known, 0.0, lost), np.where(on_pieces > 0, force, within))
         missing = missing - lost
     residual_share = share(comm, missing, force)
     if nodes is None:
         return residual_share, unjudged, hidden
-    # The stress at a node is known to the digits of loads, and of the displacement over the length
-    # of its side.  Of that, and so of all forces, the digits of coordinates are known.
+    # The stress at a node has the round-off of loads, and of the displacement over the length of
+    # its side; this length, and so all forces, have the round-off of coordinates.
     reached_piece = pieces.piece[reached]
     load = pieces.largest(np.linalg.norm(loads, axis=1))
     side = stiffest.side(area)

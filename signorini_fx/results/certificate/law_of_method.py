@@ -33,9 +33,9 @@ class Law:
     gamma_n: float = np.inf  # stress per length, as those below
     gamma_t: float = np.inf
     penalty: float = field(default=0.0, compare=False)
-    # of contact that gives way by another law than gamma_n, by its place in ``statement.contact``
+    # laws of soft contact, which replace gamma_n, by the number of the contact
     overclosures: Mapping[int, Overclosure] = field(default_factory=dict, compare=False)
-    # By how much gaps grow with the pressure, length per stress, shape (n,); None: they do not.
+    # Growth of gaps with the pressure, length per stress, shape (n,); None: zero.
     softness: Array | None = field(default=None, compare=False)
 
     @property
@@ -93,6 +93,6 @@ class PreviousStep:
         None  # the part of its slip that is due to the regularised law, length, shape (n, d)
     )
     moved: Array | None = (
-        None  # by how much the foundations have moved at the contact points since, the same
+        None  # motion of the foundations at the contact points since, length, shape (n, d)
     )
-    rigid: tuple[RigidBodyMotion, ...] = ()  # how rigid bodies had moved at its end
+    rigid: tuple[RigidBodyMotion, ...] = ()  # motions of rigid bodies at its end

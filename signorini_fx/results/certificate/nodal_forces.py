@@ -265,7 +265,7 @@ class NodalForces:
         for (
             effect,
             condition,
-        ) in supports.conditions:  # the last one is what holds nodes on an axis of revolution
+        ) in supports.conditions:  # the last one holds nodes on an axis of revolution
             condition.set(value.reshape(-1), alpha=factors.get(id(effect), 1.0))
             by.reshape(-1)[condition.dof_indices()[0]] = position.get(id(effect), len(now))
         turned = supports.turned

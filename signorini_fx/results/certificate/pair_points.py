@@ -32,14 +32,12 @@ if TYPE_CHECKING:
 class PairPoints:
     """The n contact points of a pair of bodies on this rank.  Methods are collective."""
 
-    sides: FacingSides  # both, undeformed
+    sides: FacingSides  # both sides, undeformed
     slave: csr_matrix  # D, sparse, shape (n, nodes of the slave)
     master: csr_matrix  # M, sparse, shape (n, nodes of the master)
     across: Array  # projectors onto the directions across planes of symmetry, shape (n, d, d)
     kept: PairedSides | None = None  # the pair, if points keep their partners
-    moving: MovingPair | None = (
-        None  # the pair, if sides slide, where the displacement has moved them
-    )
+    moving: MovingPair | None = None  # the pair with displaced sides, if they slide
 
     @classmethod
     def of(cls, pair: PairedSides | MovingPair) -> PairPoints:
