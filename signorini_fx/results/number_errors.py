@@ -1,21 +1,24 @@
 """The errors of the numbers that ``solve`` prints: an interval for each, or why there is none.
 
-After an accuracy was asked for the meshes tell them.  On a single mesh the error of a force J is
-a(e_y, e_z) with the error of the adjoint state z of J (R. Becker and R. Rannacher, Acta Numerica 10
-(2001) 1-102), both by stress recovery, in sizes, cell by cell, as signs are not reliable; beside
-it there is what nodes miss of a gap that bends between them, what straight facets miss of an arc,
-and of friction what turns between two nodes.  Where no adjoint state is known, or it would take
-longer than a share of the solve, it is the square of that of the displacement, by J. A. Nitsche's
-argument, from which the largest pressure has what its kink does not show, beside the penetration
-that the regularised law allows.  The von Mises stress is known by its jumps, the contact area by
-the facets in which zones end.
+If an accuracy was requested, errors come from the comparison of meshes.  On a single mesh the error
+of a force J is a(e_y, e_z), where e_z is the error of the adjoint state z of J (R. Becker and R.
+Rannacher, Acta Numerica 10 (2001) 1-102); both errors are estimated by stress recovery, and
+magnitudes are summed cell by cell, as signs are not reliable.  To it are added what nodes miss of a
+gap that bends between them, what straight facets miss of an arc, and for friction the part that
+changes direction between two nodes.
+
+Where no adjoint state is known, or it would take longer than a share of the solve, the relative
+error of a force is the square of that of the displacement, by J. A. Nitsche's argument; so is that
+part of the error of the largest pressure which its kink does not show, beside the penetration that
+the regularised law allows.  The von Mises stress has its error from its jumps, the contact area
+from the facets in which contact zones end.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import basix
 import numpy as np
@@ -43,11 +46,6 @@ from signorini_fx.tuned import (
     ROOT_OF_EPS,
     ZERO_IN_SOLUTION,
 )
-
-if TYPE_CHECKING:
-    from signorini_fx.arrays import Ints
-    from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-    from signorini_fx.quantities.summary import Price
 
 # The largest pressure is not resolved if it differs from its neighbours by more than the first
 # share; it still grows towards an end if its second difference exceeds the second.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +20,6 @@ from signorini_fx.tuned import (
     FOUNDATION_GRID_IN_SPACE,
     WHOLE_FOUNDATION,
 )
-
-if TYPE_CHECKING:
-    pass
 
 Triangles = tuple[Array, Ints]
 
