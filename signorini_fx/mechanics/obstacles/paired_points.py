@@ -398,6 +398,8 @@ class PairedSides:
             vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
             for vectors in (initial, present)
         )
+        # The least rotation that takes the initial normal of the master to the present one: a
+        # reflection at the bisector of both after one at the initial normal.
         bisector = initial + present
         share = 1.0 + np.sum(initial * present, axis=1, keepdims=True)
         along, initial_part = (
