@@ -1,15 +1,16 @@
-"""Which facets of a surface that touches itself carry points, and which are the other side.
+"""Division of a surface that touches itself into facets that carry points and facets opposite.
 
-A facet f has for a partner the nearest one g that it faces, see ``search``, but for those around
-itself.  Facets beside each other are on one side, partners on both:
+The partner g of a facet f is the nearest facet that it faces, see ``search``, except those around
+itself.  Neighbours are on one side, partners on opposite sides:
 
-    s_f = s_n for neighbours n,   s_f = - s_g,
+    s_f = s_n for neighbours n,   s_f = - s_g.
 
-from facets that stay on the side of the step before.  Of a patch without any the part with the
-smaller facets carries points.  Facets without a partner are on the side of those beside them,
-within reach of these, so that parts may slide there in the step.  Facets within two rings of the
-other side are on none, so that both sides are parts without a common node.  Odd cycles, as of three
-sheets that meet, cannot be divided: facets are left out where both sides meet.
+Facets that stay opposite to their partner keep the side of the previous step, and the sides spread
+from them.  In a connected patch without such facets the part with the smaller facets carries
+points.  Facets without a partner take the side of those next to them, within reach, so that parts
+may slide there during the step.  Facets within two rings of the other side are on neither side, so
+that the sides have no common node.  Odd cycles, as where three sheets meet, cannot be divided:
+facets are left out where both sides meet.
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ from signorini_fx.tuned import COARSER_FACETS, DIGITS_OF_FILES, NOTABLE
 
 
 def facing(surface: PairSurface, reach: float) -> tuple[Ints, Ints, Array]:
-    """Return which facets of a surface face each other within reach, length, more than two facets
-    apart, and how far the second one is ahead of the first one, negative: behind it, shape (m,)
-    each.
+    """Return the pairs of facets of a surface that face each other within ``reach``, length, and
+    are more than two facets apart.
+
+    Returns both numbers and how far the second facet is in front of the first one along its normal,
+    negative behind it, length; shape (m,) each.
     """
     count = len(surface.nodes)
     parts = Parts.of(surface, np.arange(count))
@@ -43,9 +46,11 @@ def facing(surface: PairSurface, reach: float) -> tuple[Ints, Ints, Array]:
 
 
 def walls(surface: PairSurface, reach: float) -> Array:
-    """Return how far behind each facet of an undeformed surface the back of its body is, length,
-    inf: not within reach, shape (f,): the distance along the normal to the plane of the nearest
-    facet there that is behind by more than parts that touch each other overlap.
+    """Return the distance from each facet of an undeformed surface back through its body, length,
+    shape (f,); inf: nothing within ``reach``.
+
+    It is measured along the normal to the plane of the nearest facet behind.  Parts that touch,
+    with their usual overlap, do not count.
     """
     first, second, _ = facing(surface, reach)
     parts = Parts.of(surface, np.arange(len(surface.nodes)))
@@ -60,13 +65,12 @@ def walls(surface: PairSurface, reach: float) -> Array:
 
 
 def chosen_sides(surface: PairSurface, reach: float, before: Ints) -> Ints:
-    """Return the side of each facet: 1, it carries points, -1, it is the other side, 0, it is on
-    none, shape (f,).
+    """Return the side of each facet, shape (f,): 1 carries points, -1 is opposite, 0 is on neither.
 
     Args:
-        surface: as it is deformed, with its walls.
-        reach: distance beyond which facets are no partners, length.
-        before: the sides in the last step, shape (f,).
+        surface: the deformed surface, with its walls.
+        reach: distance beyond which facets are not paired, length.
+        before: the sides in the previous step, shape (f,).
     """
     count = len(surface.nodes)
     first, second, ahead = facing(surface, reach)
@@ -99,10 +103,10 @@ def chosen_sides(surface: PairSurface, reach: float, before: Ints) -> Ints:
 
 
 def _spread(side: Ints, joined: sp.csr_array, within: Flags) -> None:
-    """Give facets without a side that of those that they are joined to, again and again; the sign
-    tells whether it is the same.
+    """Assign sides to facets that have none from those they are joined to, until nothing changes.
 
-    ``within``: which facets get one, shape (f,).
+    ``joined``: positive entries join facets of the same side, negative ones facets of opposite
+    sides; ``within``: which facets may be assigned a side, shape (f,).
     """
     new = within
     while new.any():
@@ -112,8 +116,8 @@ def _spread(side: Ints, joined: sp.csr_array, within: Flags) -> None:
 
 
 def _near(surface: PairSurface, facets: Flags, reach: float) -> Flags:
-    """Return which facets are so near to some of them that these may slide there, and are not in a
-    fold, shape (f,).
+    """Return the flags of facets, shape (f,), so near to one of ``facets`` that it may slide there
+    in this step, except in folds.
     """
     middles = surface.corners.mean(axis=1)
     if not facets.any():
@@ -123,7 +127,9 @@ def _near(surface: PairSurface, facets: Flags, reach: float) -> Flags:
 
 
 def _coarser(surface: PairSurface, side: Ints, patch: Ints) -> Flags:
-    """Return which facets are of patches where those on the first side are larger, shape (f,)."""
+    """Return the flags of facets, shape (f,), in patches whose facets with points are larger than
+    those opposite.
+    """
     extent = extents(surface.corners)
     count = len(side)
     sums = [np.bincount(patch, extent * (side == sign), count) for sign in (1, -1)]

@@ -21,15 +21,15 @@ Pairs = tuple[Ints, Ints]
 
 
 def constrained(movable: Array) -> Flags:
-    """Return nodes of the slave that are held over what is held of the master, by more than half;
-    see ``Tested.movable``.
+    """Return the flags of slave nodes that can move by less than one half, see ``Tested.movable``:
+    held nodes opposite held master nodes.
     """
     return movable < 0.5 - SAME_NUMBER
 
 
 def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
-    """A_e of so many facets, shape (f, t, t), from N at the points of the overlap; zero where one
-    is not covered.
+    """Return A_e of each facet, shape (f, t, t), from the values of N at the points of the overlap;
+    zero on uncovered facets.
     """
     products = (tests * overlap.weight[..., None]).swapaxes(1, 2) @ tests
     mass = np.zeros((count, *products.shape[1:]))
@@ -45,14 +45,14 @@ def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
 def carried(
     side: PairSurface, covered: Ints, weight: Array, unable: Flags
 ) -> tuple[Ints, sp.csr_array]:
-    """Return the nodes of the slave that carry a point, shape (n,), and the share of the function
-    of each node in each point, sparse, shape (n, N), with columns whose sum is one.
+    """Return the slave nodes that carry a point, shape (n,), and the share of each node's function
+    in each point, sparse, shape (n, N); its columns sum to one.
 
     Args:
         side: the slave.
-        covered: the facets that see the other side.
+        covered: numbers of the facets that overlap the other side.
         weight: the integral of the function of each node, shape (N,).
-        unable: which nodes cannot carry a point, shape (N,).
+        unable: flags of the nodes that cannot carry a point, shape (N,).
     """
     pairs, tested_nodes = _together(side, covered)
     unable = unable | side.without_area
@@ -74,11 +74,13 @@ def carried(
 def carried_evenly(
     side: PairSurface, covered: Ints, weight: Array, movable: Array
 ) -> tuple[Ints, sp.csr_array]:
-    """Redistribute the functions of points of a side that slides, evenly as weights change.
+    """Return the result of ``carried`` for a side that slides, such that the shares change
+    continuously with the weights.
 
-    Between two shares of its area the function of a node at the rim turns into a mean of those
-    beside it, so that what it adds to their conditions vanishes before it is no point any more.  So
-    does that of a node that supports hold, by how much of the other side is held there, too.
+    While the covered share of its area falls between two thresholds, the function of a node at the
+    rim turns gradually into a mean of its neighbours', so that its own contribution has vanished
+    when it ceases to be a point.  The same applies to a supported node, by how much the opposite
+    side is held.
 
     ``movable``: see ``Tested``.
     """
@@ -102,8 +104,10 @@ def carried_evenly(
 
 
 def _absorbed(pairs: Pairs, portion: Array, nodes: Ints) -> sp.csr_array:
-    """Return the shares of functions that ``nodes`` take over, shape (n, N), columns of sum one:
-    each keeps its portion, and nodes beside it get the rest.
+    """Return the shares of functions that ``nodes`` take over, shape (n, N); columns sum to one.
+
+    Each node keeps its ``portion``, and adjacent nodes receive the rest: an absorbing Markov chain,
+    solved directly.
     """
     to, of = pairs
     takes = portion + NEGLIGIBLE
@@ -140,8 +144,8 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Ints) -> sp.csr_array:
 
 
 def _by_rows(values: Array, rows: Ints, columns: Ints, shape: tuple[int, int]) -> sp.csr_array:
-    """Return a sparse matrix of entries at different places: in a third of the time of one that
-    looks for the same.
+    """Return a sparse matrix from entries at distinct places; three times faster than the general
+    constructor, which must look for duplicates.
     """
     order = np.argsort(rows, kind="stable")
     ends = np.append(0, np.bincount(rows, minlength=shape[0]).cumsum())
@@ -151,8 +155,8 @@ def _by_rows(values: Array, rows: Ints, columns: Ints, shape: tuple[int, int]) -
 def _mixed(
     shares: sp.csr_array, nodes: Ints, weights: tuple[Array, Array], portion: Array
 ) -> sp.csr_array:
-    """Return the shares of points that are not all their own with those of the points that took
-    over the rest of them.
+    """Return the shares of the points, where those with a portion below one are mixed with the
+    points that took over their remainder.
     """
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
@@ -177,8 +181,10 @@ def _mixed(
 
 
 def extended(side: PairSurface, nodes: Ints, values: Array) -> Array:
-    """Return values at some nodes, ascending, shape (n, k), and at all others with test functions
-    the means of those beside them, ring by ring, shape (N, k); zero where no ring arrives.
+    """Return values at all nodes with test functions, shape (N, k), extended ring by ring from some
+    nodes as means over neighbours; zero at nodes that no ring reaches.
+
+    ``nodes``: ascending; ``values``: at these nodes, shape (n, k).
     """
     (to, of), _ = _together(side, np.arange(len(side.nodes)))
     extension: Array = np.zeros((len(side.x), values.shape[1]))
@@ -193,8 +199,8 @@ def extended(side: PairSurface, nodes: Ints, values: Array) -> Array:
 
 
 def _together(side: PairSurface, facets: Ints) -> tuple[Pairs, Flags]:
-    """Return the nodes of a side, two each, that have test functions on one of some facets, in both
-    orders, ascending, and which nodes have any there, shape (N,).
+    """Return the pairs of different nodes that have test functions on a common facet, in both
+    orders, ascending, and the flags of nodes with a test function on any of the facets, shape (N,).
     """
     tests = side.points[facets]
     count = len(side.x)
@@ -206,8 +212,8 @@ def _together(side: PairSurface, facets: Ints) -> tuple[Pairs, Flags]:
 
 
 def _taken_over(pairs: Pairs, able: Flags) -> tuple[Ints, sp.csr_array]:
-    """Return nodes that carry a point, and how they take over the functions of others, ring by
-    ring.
+    """Return the nodes that carry a point, and the shares in which they take over the functions of
+    the other nodes, ring by ring.
     """
     to, of = pairs
     nodes = np.flatnonzero(able)

@@ -69,25 +69,26 @@ class PairingError(ValueError):
 
 @dataclass(frozen=True)
 class Coupling:
-    """The contact points of a pair on this rank, n of them.
+    """The contact points of a pair on this rank, n of them, and the map to their relative
+    displacements.
 
     Attributes:
-        nodes: the slave node of each, shape (n,).
-        here: which of the points of all ranks they are, shape (n,).
+        nodes: the slave node of each point, shape (n,).
+        here: indices of these points among the points of all ranks, shape (n,).
         weight: w_i, area (in 2D: length) times the measure, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
-        mean: from integrals of functions on the pairs of facets that this rank has, see ``Tested``,
-            to the points of all ranks.
-        first: how many of the nodes are those of the slave.
-        turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact
-            omega_i(u_m) x d_i, from the nodes of both sides, those of the slave first, by blocks,
+        mean: maps integrals over the pairs of facets of this rank, see ``Tested``, to means at the
+            points of all ranks; sparse.
+        first: number of nodes of the slave, which precede those of the master in ``both``.
+        turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, for sides that are nominally in contact
+            omega_i(u_m) x d_i, as a map of the displacements of all nodes, slave first; in blocks,
             sparse, shape (n d, d m).
-        centre: where forces act: at the same place on both sides, length, shape (n, d).
-        covered: area (in 2D: length) of the slave where both sides meet and one can move, times the
-            measure, of all ranks.
-        met: the same with where nothing can move, see ``Tested.moving``.
+        centre: point of action of the forces, the same on both sides, length, shape (n, d).
+        covered: area (in 2D: length) of the slave where both sides meet and at least one can move,
+            times the measure, summed over the ranks.
+        met: the same area including the parts where nothing can move, see ``Tested.moving``.
     """
 
     nodes: Ints
@@ -114,8 +115,9 @@ class Coupling:
         return -self.both[:, self.first :]
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
-        """Return displacements of slave nodes, all along one direction, that move the points by one
-        each: D times them is one, but for hats.  Sparse, shape (nodes of the slave, n).
+        """Return displacements of slave nodes, all along one direction, that displace each contact
+        point by one: D times them is the identity, except for hats.  Sparse, shape (nodes of the
+        slave, n).
         """
         # A test function meets the function of its own node, on quadratic triangles the hat, and no
         # other one.
@@ -136,13 +138,13 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tested:
-    """The overlap of two sides, with the functions of the points on what is covered.
+    """The overlap of two sides, with the test functions of the points on the covered part.
 
-    Each rank has the pieces on its share of the facets of the slave.  What is said of nodes and
-    facets is of all ranks, and collective.
+    Each rank has the pieces on its share of the facets of the slave.  Values at nodes and facets
+    are summed over all ranks; to compute them is collective.
 
     Attributes:
-        bonded: see ``couple``.
+        bonded: whether the sides are tied, see ``couple``.
     """
 
     slave: PairSurface
@@ -152,14 +154,16 @@ class Tested:
     sharing: Sharing = ALONE
 
     def chosen(self, pieces: Flags) -> Tested:
-        """Return the tested functions on some of the pieces, shape (p,); collective."""
+        """Return this object restricted to some of its pieces, chosen by flags of shape (p,);
+        collective.
+        """
         if not parallel.any_rank(self.sharing.comm, ~pieces):
             return self
         return replace(self, overlap=self.overlap.chosen(pieces))
 
     def within(self, reach: float) -> Tested:
-        """Return the tested functions on the pieces of those pairs of facets whose mean distance,
-        of all pieces, is at most ``reach``, length.
+        """Return this object restricted to the pairs of facets whose mean distance, averaged over
+        their pieces, is at most ``reach``, length.
         """
         weight = self.overlap.weight
         moment = self.overlap.of_pairs((weight[:, None] @ self.distance)[:, 0])
@@ -169,8 +173,8 @@ class Tested:
 
     @property
     def moving(self) -> Tested:
-        """Return the pieces where one side can move: without facets over each other of which
-        supports hold all nodes.
+        """This object without the pieces where nothing can move, as supports hold all nodes of both
+        facets.
         """
         sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
         on_slave, on_master = (
@@ -180,36 +184,36 @@ class Tested:
 
     @cached_property
     def tests(self) -> Array:
-        """Return the test functions, of which those of the points are sums, at the points of the
-        overlap, shape (p, q, t).
+        """The test functions at the points of the overlap, shape (p, q, t), from which the
+        functions of the contact points are combined.
         """
         return self.slave.functions.tests.values(self.overlap.at)
 
     @cached_property
     def coefficients(self) -> Array:
-        """Return the coefficients of the functions of the points on each facet of the slave, shape
-        (f, t, t).
-        """
+        """The coefficients of the dual functions on each facet of the slave, shape (f, t, t)."""
         if self.bonded and self.tests.shape[2] < self.slave.nodes.shape[1]:
             return np.tile(np.eye(self.tests.shape[2]), (len(self.slave.nodes), 1, 1))
         return dual_coefficients(self.tests, self.overlap, len(self.slave.nodes))
 
     @cached_property
     def area(self) -> Array:
-        """Return the covered area of each facet of the slave, shape (f,)."""
+        """The covered area of each facet of the slave, shape (f,)."""
         areas = self.overlap.weight.sum(axis=1)[:, None]
         count = len(self.slave.nodes)
         return parallel.sums_by(self.sharing.comm, self.overlap.slave, areas, count)[:, 0]
 
     @property
     def twice(self) -> Ints:
-        """Facets of the slave that see more than one sheet of the master somewhere."""
+        """Facets of the slave that face more than one sheet of the master somewhere: their covered
+        area exceeds their own.
+        """
         return np.flatnonzero(self.area > (1.0 + NEGLIGIBLE) * self.slave.facet_areas)
 
     @property
     def of_nearest_sheets(self) -> Tested:
-        """Return the tested functions where a facet of the slave that sees several sheets of the
-        master has the nearest one alone.
+        """This object with only the nearest sheet of the master for each slave facet that faces
+        several.
         """
         overlap = self.overlap
         several = np.flatnonzero(np.isin(overlap.slave, self.twice))
@@ -229,21 +233,21 @@ class Tested:
 
     @cached_property
     def weighted(self) -> Array:
-        """The functions times areas at the points of the overlap, shape (p, q, t)."""
+        """The dual functions times the areas of the points of the overlap, shape (p, q, t)."""
         coefficients = self.coefficients[self.overlap.slave]
         return self.tests @ coefficients.swapaxes(1, 2) * self.overlap.weight[..., None]
 
     @cached_property
     def areas(self) -> Array:
-        """Integrals of the functions of the nodes of the slave, shape (N,)."""
+        """Integrals of the dual functions of the slave nodes, shape (N,)."""
         points = self.slave.points[self.overlap.slave].ravel()
         integrals = self.weighted.sum(axis=1).reshape(-1, 1)
         return parallel.sums_by(self.sharing.comm, points, integrals, len(self.slave.x))[:, 0]
 
     @cached_property
     def shapes(self) -> tuple[Array, Array]:
-        """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q,
-        l).
+        """The shape functions of slave and master at the points of the overlap, shapes (p, q, k)
+        and (p, q, l).
         """
         slave = self.slave.functions
         master = self.master.functions
@@ -252,16 +256,19 @@ class Tested:
 
     @cached_property
     def distance(self) -> Array:
-        """Return the vector from each slave point to the master point over it, length, shape (p, q,
-        d).
+        """The vector from each slave point to the opposite master point, length, shape (p,
+        q, d).
         """
         on_slave = self.slave.corners[self.overlap.slave]
         on_master = self.master.corners[self.overlap.master]
         return self.shapes[1] @ on_master - self.shapes[0] @ on_slave
 
     def mean(self, shares: sp.csr_array) -> sp.csr_array:
-        """Return the matrix from integrals of the functions on all pairs of facets to means of
-        points with such shares of them, shape (n, N): sparse, shape (n, f t).
+        """Return the matrix that turns integrals of the functions over all pairs of facets into
+        means at the contact points, sparse, shape (n, f t).
+
+        Args:
+            shares: share of the function of each slave node in each point, shape (n, N).
         """
         facets = self.overlap.slave[self.overlap.first]
         mean = shares[:, self.slave.points[facets].ravel()]
@@ -269,9 +276,11 @@ class Tested:
         return mean
 
     def products(self) -> sp.csr_array:
-        """Return integrals of the functions on all pairs of facets times those of both sides,
-        beside them the areas over which they see the nodes, and integrals of the distance, sparse,
-        shape (f t, 2 m + d).
+        """Return integrals over all pairs of facets, sparse, shape (f t, 2 m + d).
+
+        The columns are: the dual functions times the shape functions of both sides (m), the area
+        over which the pair meets, at each of its nodes (m), and the dual functions times the
+        distance (d).
         """
         overlap = self.overlap
         products = overlap.of_pairs(
@@ -296,12 +305,12 @@ class Tested:
 
     @property
     def movable(self) -> Array:
-        """Return the share by which nodes of the slave can move, or are opposite a node that can,
-        shape (N,).
+        """The degree to which each slave node can move, or faces master nodes that can, from 0 to
+        1, shape (N,).
 
-        A held node of the slave carries a point as any other, as its function moves the master.
-        Where most of the master that it sees is held, too, nothing can move it, and its neighbours
-        take over its function.
+        A slave node that supports hold still carries a point, as its function moves the master.
+        Where most of the master opposite it is held, too, nothing can move the point, and
+        neighbouring nodes take over its function.
         """
         held = self.master.held[self.master.nodes[self.overlap.master]].astype(np.float64)
         of_held = self.moments(self.shapes[1] @ held[..., None])[:, 0]
@@ -311,12 +320,15 @@ class Tested:
 
     @property
     def covered(self) -> Ints:
-        """The facets of the slave that meet the other side."""
+        """The numbers of the slave facets that overlap the other side."""
         return np.flatnonzero(self.area)
 
     def moments(self, values: Array) -> Array:
-        """Return integrals of functions times values at the points, shape (p, q, k), by nodes,
-        shape (N, k).
+        """Return integrals of the dual functions times ``values``, by slave nodes, shape (N, k);
+        collective.
+
+        Args:
+            values: values at the points of the overlap, shape (p, q, k).
         """
         integrals = np.zeros((len(self.slave.x), values.shape[2]))
         np.add.at(
@@ -337,18 +349,19 @@ def couple(
     """Return the map of a pair; collective.
 
     Args:
-        slave: the side with the points.
-        master: the other one.
-        bonded: whether the sides are tied, which on quadratic triangles takes the hats of the
-            vertices.
-        nominal: whether the sides are nominally in contact, so that their normals are the same but
-            for their meshes.
-        reach: distance beyond which facets are no partners, length; None: a default.
-        sharing: between the ranks; the other arguments are the same on all of them.
+        slave: the side with the contact points.
+        master: the opposite side.
+        bonded: whether the sides are tied; quadratic triangles then use the hats of the vertices.
+        nominal: whether the sides are nominally in contact, so that their normals differ by their
+            meshes only.
+        reach: distance beyond which facets are not paired, length; None: ``default_reach``.
+        sharing: division of the pair between the ranks; the other arguments are the same on all
+            ranks.
 
     Raises:
-        PairingError: no facet finds a partner, one finds two sheets of them, the bodies lie inside
-            each other, or no point takes over the functions of some facets.
+        PairingError: no facet finds a partner, one finds two sheets of the master, the bodies lie
+            inside each other, supports or other contacts leave no node that can carry a point, or
+            no point takes over the functions of some facets.
     """
     if reach is None:
         reach = default_reach(slave.x, master.x)
@@ -380,8 +393,14 @@ def couple(
 def coupled(
     tested: Tested, nodes: Ints, shares: sp.csr_array, *, nominal: bool = False
 ) -> Coupling:
-    """Return the map of both sides at the points of this rank, of those at ``nodes``, which take
-    over such shares of functions; those that take none are alone; collective.
+    """Return the map of both sides at the points of this rank; collective.
+
+    Args:
+        tested: the overlap with its functions.
+        nodes: the slave node of each point, on all ranks.
+        shares: share of the function of each slave node in each point; a point with an empty row is
+            unpaired and moves with its node.
+        nominal: see ``couple``.
     """
     slave = tested.slave
     master = tested.master
@@ -410,7 +429,7 @@ def coupled(
 
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
-    """Refuse facets that nobody carries: no point has any of their functions."""
+    """Raise a PairingError if no point takes over any function of some covered facets."""
     slave = tested.slave
     carried_nodes = abs(shares).sum(axis=0).ravel() > 0.0
     area = np.where(carried_nodes[slave.points].any(axis=1), 0.0, tested.area)
@@ -437,11 +456,12 @@ def projected(
     nominal: bool = False,
     apart: bool = False,
 ) -> tuple[Tested, Array | None]:
-    """Return the overlap of both sides with the functions of the points, and the directions of
-    projection at the nodes of the slave, shape (N, d); None: its normals; see ``couple``;
-    collective.
+    """Return the overlap of both sides with its functions, and the directions of projection at the
+    slave nodes, shape (N, d), or None where these are the slave's normals; collective.
 
-    ``apart``: whether it may be that no facet has a partner.
+    ``apart``: whether the sides may be apart, so that no facet has a partner; for the other
+    arguments
+        see ``couple``.
     """
     facets = sharing.part(len(slave.nodes))
     parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
@@ -467,8 +487,10 @@ def projected(
 
 
 def _mean_normals(tested: Tested) -> Array:
-    """N_i of the nodes of the slave, shape (N, d); where one has no point, by the mean normal of
-    the master.
+    """Return the directions of projection N_i at the slave nodes, shape (N, d): slave minus master
+    normals, averaged with the function of the node.
+
+    A node without a point takes its own normal and the extension of the mean master normals.
     """
     slave = tested.slave
     master = tested.master
@@ -486,7 +508,9 @@ def _mean_normals(tested: Tested) -> Array:
 
 
 def _check(tested: Tested, reach: float) -> None:
-    """Whether both sides meet, and every facet has one partner at most at each of its points."""
+    """Raise a PairingError if the sides do not meet, or if some slave facet faces several
+    sheets.
+    """
     slave = tested.slave
     if not tested.area.any():
         nearest = _nearest(slave, tested.master)
@@ -506,8 +530,8 @@ def _check(tested: Tested, reach: float) -> None:
 
 
 def _nearest(slave: PairSurface, master: PairSurface) -> str:
-    """Return the place where both sides are nearest to each other, their distance, and the angle of
-    their normals there, in words.
+    """Return a text that states where the sides are nearest, their distance there, and the angle
+    between their normals.
     """
     first, second = (Parts.of(side, np.arange(len(side.nodes))) for side in (slave, master))
     away, partners = cKDTree(second.centre).query(first.centre)

@@ -36,11 +36,12 @@ _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 def space_overlap(
     slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """Return the overlap in 3D, some triangles for each pair of parts that meet; collective.
+    """Return the overlap in 3D, divided into triangles for each pair of parts that meet;
+    collective.
 
-    ``reach``: distance beyond which parts are no partners, length.
-    ``directions``: of projection at the nodes of the slave with test functions, shape (N, 3), None:
-        the normals of its parts.
+    ``reach``: distance beyond which parts are not paired, length. ``directions``: directions of
+    projection at the slave nodes that have test functions, shape (N, 3);
+        None: the normals of the parts.
     """
     slave = slave_parts.side
     master = master_parts.side
@@ -100,9 +101,10 @@ def space_overlap(
 
 
 def turned(parts: Parts, directions: Array, comm: MPI.Comm) -> float:
-    """Return the largest difference between directions of projection at the nodes and those of a
-    first projection, of the parts of all ranks: in 2D a distance of unit vectors, in 3D the tangent
-    of an angle; collective.
+    """Return how far given directions of projection differ from those of a first projection, the
+    maximum over the parts of all ranks; collective.
+
+    It is the difference of unit vectors in 2D and the tangent of an angle in 3D.
     """
     slave = parts.side
     if slave.dimension == 2:
@@ -112,7 +114,7 @@ def turned(parts: Parts, directions: Array, comm: MPI.Comm) -> float:
 
 def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
     """Return the direction of projection at the middle of each part, and the tangent of its angle
-    to the normal.
+    to the normal of the part.
     """
     shape = side.functions.tests.values(parts.reference.mean(axis=1))
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
@@ -124,7 +126,7 @@ def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, A
 
 
 def _affine(side: PairSurface, facets: Ints) -> bool:
-    """Return whether maps from the reference facet to these facets are affine."""
+    """Return whether the maps from the reference facet to these facets are affine."""
     corners = side.corners[np.unique(facets)]
     places = side.functions.places
     away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
@@ -136,7 +138,7 @@ def _affine(side: PairSurface, facets: Ints) -> bool:
 def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
     """Return the degree of the quadrature on each triangle.
 
-    ``affine``: whether the maps of the facets of both sides are.
+    ``affine``: whether the maps of the facets of both sides are affine.
     """
     highest = max(lagrange.degree for lagrange in functions)
     simplices = all(lagrange.simplex for lagrange in functions)
@@ -148,8 +150,16 @@ def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
 def projected_places(
     side: PairSurface, facets: Ints, at: Array, p: Array, centre: Array, axes: Array
 ) -> Array:
-    """Return the places on curved facets whose projections are the points p of the planes, by
-    Newton's method from ``at``.
+    """Return the reference coordinates on curved facets of the points whose projections are ``p``,
+    by Newton's method from ``at``.
+
+    Args:
+        side: the surface that the facets belong to.
+        facets: numbers of the facets, shape (m,).
+        at: initial reference coordinates, shape (m, q, 2).
+        p: points in the plane of each facet, length, shape (m, q, 2).
+        centre: origin of each plane, length, shape (m, 3).
+        axes: axes of each plane, shape (m, 2, 3).
     """
     return _places_of(
         side.functions, (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1), p, at
@@ -157,8 +167,10 @@ def projected_places(
 
 
 def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
-    """Return the interpolation of nodes in the plane, shape (m, k, 2), at points, shape
-    (m, q, 2).
+    """Return the reference coordinates, shape (m, q, 2), at which the interpolation of ``nodes``
+    equals ``p``, by Newton's method from ``at``.
+
+    ``nodes``: nodal positions in the plane, shape (m, k, 2); ``p``: points of it, shape (m, q, 2).
     """
     at = at.copy()
     moving = np.arange(len(at))
@@ -179,7 +191,9 @@ def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
 
 
 def axes_across(normal: Array) -> Array:
-    """Two unit vectors across each normal, shape (m, 2, 3), a right-handed frame with it."""
+    """Return two unit vectors perpendicular to each normal, shape (m, 2, 3); with it they form a
+    right-handed frame.
+    """
     least = np.abs(normal).argmin(axis=1)
     first = np.cross(normal, np.eye(3)[least])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -191,8 +205,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _areas(polygon: Array, count: Ints) -> Array:
-    """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there,
-    shape (m,).
+    """Return the signed areas, shape (m,), of polygons of shape (m, v, 2) that use only their first
+    ``count`` corners.
     """
     valid = np.arange(polygon.shape[1]) < count[:, None]
     arms = np.where(valid[..., None], polygon - polygon[:, :1], 0.0)
@@ -200,15 +214,16 @@ def _areas(polygon: Array, count: Ints) -> Array:
 
 
 def counterclockwise(polygon: Array) -> Array:
-    """Return polygons with their corners in this order."""
+    """Return the polygons with their corners in counterclockwise order."""
     area = _areas(polygon, np.full(len(polygon), polygon.shape[1]))
     return np.where((area < 0)[:, None, None], polygon[:, ::-1], polygon)
 
 
 def clip(subject: Array, window: Array) -> tuple[Array, Ints]:
-    """Convex polygons, or lines of two corners, cut by convex windows (Sutherland and Hodgman),
-    both counterclockwise, shapes (m, a, 2) and (m, b, 2): corners of what is left, shape (m, v, 2),
-    and how many of them are there, shape (m,).
+    """Clip convex polygons, or lines of two corners, by convex windows (Sutherland and Hodgman).
+
+    Both are counterclockwise, of shapes (m, a, 2) and (m, b, 2).  Returns the corners of the
+    intersections, shape (m, v, 2), and how many of them are valid, shape (m,).
     """
     polygon = subject
     count = np.full(len(subject), subject.shape[1])
@@ -237,8 +252,8 @@ def clip(subject: Array, window: Array) -> tuple[Array, Ints]:
 
 
 def _fan(polygon: Array, count: Ints) -> tuple[Array, Ints]:
-    """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of,
-    shape (t,).
+    """Return triangles around the centre of each polygon, shape (t, 3, 2), and the number of the
+    polygon of each triangle, shape (t,).
     """
     size = polygon.shape[1]
     valid = np.arange(size) < count[:, None]
@@ -251,8 +266,8 @@ def _fan(polygon: Array, count: Ints) -> tuple[Array, Ints]:
 
 
 def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """Return the places of points of the plane in the reference facet, and the area that a unit of
-    it has in the plane.
+    """Return the reference coordinates of points of the plane, and the ratio of areas in the plane
+    to those in the reference facet.
     """
     at = _places_of(functions, flat, p, np.full(p.shape, 0.5))
     slopes = functions.slopes(at)
@@ -264,10 +279,10 @@ def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple
 def plane_overlap(
     slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """Return the overlap, one piece for each pair of facets that meet; for the arguments see
-    ``space_overlap``, d = 2.
+    """Return the overlap in 2D, one piece for each pair of facets that meet.
 
-    Directions at nodes are the normals of the slave where none are given.
+    For the arguments see ``space_overlap``; without ``directions`` the nodal normals of the slave
+    are used.
     """
     slave = slave_parts.side
     master = master_parts.side
@@ -303,10 +318,14 @@ def plane_overlap(
 
 
 def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> Array:
-    """Return the places s in [0, 1] of the points of facets with such corners, shape (m, k, d),
-    under points, shape (m, q, d), or the ends beyond which they are.
+    """Return the coordinates s in [0, 1] on slave facets whose directions of projection pass
+    through the points ``x``; 0 or 1 where a point projects beyond that end.
 
-    ``ways``: factors of the powers of s in the directions, shape (m, w, q or 1, d).
+    Args:
+        functions: shape functions of the facets.
+        corners: nodal positions of the facets, length, shape (m, k, d).
+        ways: coefficients of the powers of s in the directions, shape (m, w, q or 1, d).
+        x: points to project, length, shape (m, q, d).
     """
     places = functions.polynomials(corners - corners[:, :1])[:, :, None]
     along = places[:, 1:].sum(axis=1)
@@ -324,8 +343,8 @@ def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> A
 
 
 def _crossing(factors: Array) -> Array:
-    """Return the zeros of polynomials that are positive at 0 and negative at 1 (quadratic formula,
-    Newton, bisections).
+    """Return the root in [0, 1] of each polynomial, which is positive at 0 and negative at 1: by
+    the quadratic formula, or Newton's method safeguarded by bisection.
     """
     if len(factors) == 3:
         constant, slope, curve = factors
@@ -349,7 +368,7 @@ def _crossing(factors: Array) -> Array:
 
 
 def _powers(factors: Array, s: Array) -> Array:
-    """Return the values of polynomials at s, with factors of powers in ascending order along the
+    """Return the values at s of polynomials whose coefficients, by ascending powers, are along the
     first axis.
     """
     value = factors[-1]

@@ -1,10 +1,11 @@
-"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal
-integrals; the overlap of
-both: triples of a slave point, the master point over it, and an area; and sparse maps of vectors at
-nodes, such as the rotation of normals.
+"""One side of a pair, the overlap of both sides, and sparse maps of vectors at nodes.
+
+A side has facets with Lagrange functions, their positions, directions and nodal integrals.  The
+overlap consists of triples: a slave point, the master point opposite it, and an area.  The maps
+include the rotation of normals.
 
 A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with the vertices (0, 0),
-(1, 0), (0, 1), or in [0, 1]^2, in any order: what the functions are follows from the places.
+(1, 0), (0, 1), or in [0, 1]^2, in any order: the places determine the functions.
 """
 
 from __future__ import annotations
@@ -58,8 +59,8 @@ class Lagrange:
         return np.asarray(np.linalg.inv(self._monomials(self.places)), dtype=np.float64)
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
-        """Return the monomials at points of shape (..., d - 1), or their derivatives along one
-        direction, shape (..., k).
+        """Return the monomials at points of shape (..., d - 1), shape (..., k); with ``along``
+        their derivatives in that direction.
         """
         factors = []
         for axis, power in enumerate(self._exponents):
@@ -70,7 +71,7 @@ class Lagrange:
         return factors[0] if len(factors) == 1 else factors[0] * factors[1]
 
     def values(self, at: Array) -> Array:
-        """Return the values at points of shape (..., d - 1), shape (..., k)."""
+        """Return the values of the functions at points of shape (..., d - 1), shape (..., k)."""
         return self._monomials(at) @ self._coefficients
 
     def slopes(self, at: Array) -> Array:
@@ -80,21 +81,23 @@ class Lagrange:
         )
 
     def polynomials(self, values: Array) -> Array:
-        """Return the factors of the powers of the place, ascending, of the polynomials that
-        interpolate nodal values in an interval, shape (..., k, d) as theirs.
+        """Return the coefficients, by ascending powers, of the polynomials that interpolate nodal
+        values in an interval, shape (..., k, d), as the values.
         """
         return self._coefficients @ values
 
     @property
     def curvatures(self) -> Array:
-        """Return the second derivatives in an interval, where they are the same everywhere, shape
+        """The second derivatives of the functions in an interval, which are constant, shape
         (k,).
         """
         coefficients = self._coefficients
         return 2.0 * coefficients[2] if self.degree == 2 else np.zeros(len(coefficients))
 
     def rule(self, degree: int) -> tuple[Array, Array]:
-        """Points, shape (q, d - 1), and weights of a quadrature on the reference facet."""
+        """Return the points, shape (q, d - 1), and weights of a quadrature on the reference
+        facet.
+        """
         kind = basix.CellType.interval
         if self.places.shape[1] == 2:
             kind = basix.CellType.triangle if self.simplex else basix.CellType.quadrilateral
@@ -102,22 +105,22 @@ class Lagrange:
 
     @cached_property
     def tests(self) -> Lagrange:
-        """The functions that the test functions are dual to: on quadratic triangles the hats of the
-        vertices, which come first; else the functions themselves.
+        """The functions to which the test functions are dual: the hats of the vertices, which come
+        first, on quadratic triangles; otherwise the functions themselves.
         """
         return Lagrange(self.places[:3]) if self.places.shape == (6, 2) else self
 
     @cached_property
     def tested_slopes(self) -> tuple[Array, Array]:
-        """Return the data of integrals of test functions times normals: values with weights, and
-        slopes, at the points of a rule, shapes (q, t) and (d - 1, q, k).
+        """Data for integrals of test functions times normals: weighted test functions, shape (q,
+        t), and slopes, shape (d - 1, q, k), at the points of a quadrature.
         """
         points, weights = self.rule(2 * self.degree + 2)
         return self.tests.values(points) * weights[:, None], self.slopes(points)
 
     @cached_property
     def linear(self) -> Lagrange:
-        """Return the functions of the corners."""
+        """The linear (on quadrilaterals: bilinear) functions of the corners."""
         return Lagrange(self.corners)
 
     @cached_property
@@ -127,8 +130,8 @@ class Lagrange:
 
     @cached_property
     def parts(self) -> Array:
-        """Corners of the linear parts of the reference facet, in order around each, shape (parts,
-        corners, d - 1).
+        """The corners of the linear parts of the reference facet, in order around each part, shape
+        (parts, corners, d - 1).
         """
         if self.degree == 1 or self.places.shape[1] == 1:
             return self.corners[None]
@@ -137,7 +140,7 @@ class Lagrange:
 
     @cached_property
     def corners(self) -> Array:
-        """Return the corners of the reference facet, in order around it, shape (corners, d - 1)."""
+        """The corners of the reference facet, in order around it, shape (corners, d - 1)."""
         if self.places.shape[1] == 1:
             return np.array([[0.0], [1.0]])
         square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -151,19 +154,17 @@ class PairSurface:
     Attributes:
         nodes: numbers of the k nodes of each facet, shape (f, k).
         x: positions of all nodes, length, shape (N, d).
-        functions: of each facet.
+        functions: the shape functions of a facet.
         sign: +1 where the outward normal is (dx/ds x dx/dt), in 2D dx/ds turned clockwise; else -1,
             shape (f,).
-        across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d,
-            d).
+        across: projectors onto the normals of planes of symmetry at all nodes, shape (N, d, d).
         held: nodes that supports hold along their normals, shape (N,).
         unable: nodes that cannot carry a point, because another contact owns them, shape (N,).
-        measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape
-            (N,); None: 1.
-        undeformed: of which areas are, where ``x`` are positions of a deformed body; None: the
-            same.
-        wall: how far behind each facet the back of its body is a part of the surface, length, inf:
-            nowhere, shape (f,); None: nowhere behind any.
+        measure: nodal factors of the areas, interpolated between the nodes, shape (N,); None: 1.
+        undeformed: the undeformed surface, whose areas are used where ``x`` are positions of a
+            deformed body; None: this surface is undeformed.
+        wall: distance from each facet back through its body to the opposite part of the surface,
+            length, shape (f,); inf: no such part within reach; None: infinite for all facets.
     """
 
     nodes: Ints
@@ -186,7 +187,7 @@ class PairSurface:
         sign: Array,
         measure: Array | None = None,
     ) -> PairSurface:
-        """Return a side that nothing holds."""
+        """Return a side without supports, symmetry planes or nodes of other contacts."""
         none = np.zeros(len(x), dtype=bool)
         return cls(nodes, x, functions, sign, np.zeros((*x.shape, x.shape[1])), none, none, measure)
 
@@ -194,7 +195,7 @@ class PairSurface:
         """Return the surface with displaced nodes and the areas of the undeformed surface.
 
         Args:
-            displacement: shape (N, d).
+            displacement: displacement from the undeformed surface, length, shape (N, d).
         """
         start = self if self.undeformed is None else self.undeformed
         return replace(start, x=start.x + displacement, undeformed=start)
@@ -209,7 +210,7 @@ class PairSurface:
 
     @property
     def dimension(self) -> int:
-        """D."""
+        """The geometric dimension d, 2 or 3."""
         return int(self.x.shape[1])
 
     @cached_property
@@ -219,18 +220,21 @@ class PairSurface:
 
     @property
     def points(self) -> Ints:
-        """Numbers of the nodes of each facet that test functions belong to, shape (f, t)."""
+        """Numbers of those nodes of each facet that have test functions, shape (f, t)."""
         return self.nodes[:, : len(self.functions.tests.places)]
 
     def normals(self, facets: Ints, at: Array) -> Array:
-        """Outward normals times the area (in 2D: length) of a unit of the reference facet at points
-        of some facets, shape (m, q, d - 1), or the same of all, (1, q, d - 1): shape (m, q, d).
+        """Return outward normals at points of some facets, shape (m, q, d); their length is the
+        area (in 2D: length) per unit of the reference facet.
+
+        ``at``: reference coordinates, shape (m, q, d - 1), or (1, q, d - 1) if the same on all
+        facets.
         """
         return self._crossed(facets, at) * self.sign[facets][:, None, None]
 
     def sizes(self, facets: Ints, at: Array) -> Array:
-        """Undeformed area (in 2D: length) of a unit of the reference facet times the measure, shape
-        (m, q), see ``normals``.
+        """Return the undeformed area (in 2D: length) per unit of the reference facet, times the
+        measure, shape (m, q); for the arguments see ``normals``.
         """
         if self.undeformed is not None:
             return self.undeformed.sizes(facets, at)
@@ -242,7 +246,7 @@ class PairSurface:
         return sizes
 
     def _crossed(self, facets: Ints, at: Array) -> Array:
-        """Normals up to their signs."""
+        """Return the normals up to their signs, see ``normals``."""
         return across(self.functions.slopes(at) @ self.corners[facets])
 
     def positions(self, facets: Ints, at: Array) -> Array:
@@ -251,7 +255,9 @@ class PairSurface:
 
     @cached_property
     def _areas(self) -> tuple[Array, Array]:
-        """Integrals of test functions, and of 1 over each facet: (N,), (f,)."""
+        """Integrals of the test functions of all nodes, shape (N,), and areas of the facets, shape
+        (f,).
+        """
         if self.undeformed is not None:
             return self.undeformed._areas
         points, weights = self.functions.rule(_DEGREE)
@@ -262,18 +268,17 @@ class PairSurface:
 
     @property
     def area(self) -> Array:
-        """The area (in 2D: length) of each node, the integral of its test function times the
-        measure, shape
-        (N,).
+        """The area (in 2D: length) of each node: the integral of its test function times the
+        measure, shape (N,).
         """
         return self._areas[0]
 
     @property
     def without_area(self) -> Flags:
-        """Nodes whose test functions have none because of the measure, shape (N,).
+        """Flags of the nodes whose test functions have no area because of the measure, shape (N,).
 
-        Of a quadratic node on an axis of revolution the function is zero, but for the curvature of
-        its facet.
+        The function of a quadratic node on an axis of revolution has zero area, except for the
+        curvature of its facet.
         """
         if self.measure is None:
             return np.zeros(len(self.x), dtype=bool)
@@ -282,9 +287,10 @@ class PairSurface:
 
     @cached_property
     def nodal_normals(self) -> Array:
-        """Outward unit normals at the nodes with test functions, means of those around them, with
-        their mirror images where a plane of symmetry cuts the surface, shape (N, d); zero
-        elsewhere.
+        """Outward unit normals at the nodes with test functions, shape (N, d); zero elsewhere.
+
+        They are averages of the normals around a node, mirror images included where a plane of
+        symmetry cuts the surface.
         """
         return self.in_planes(self.moments, np.arange(len(self.x)))
 
@@ -300,8 +306,8 @@ class PairSurface:
         return moments
 
     def in_planes(self, vectors: Array, nodes: Ints) -> Array:
-        """Return vectors at some nodes, shape (m, d), without what they have across planes of
-        symmetry, and of length one; zero where they are.
+        """Return vectors at some nodes, shape (m, d), projected into the planes of symmetry and
+        scaled to length one; zero vectors stay zero.
         """
         vectors = vectors - (self.across[nodes] @ vectors[..., None])[..., 0]
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -309,8 +315,8 @@ class PairSurface:
 
     @cached_property
     def turning(self) -> Array:
-        """Return the derivatives of ``nodal_normals`` by displacements of the nodes of each facet,
-        shape (f, t, k, d, d).
+        """The derivatives of ``nodal_normals`` with respect to the displacements of the nodes of
+        each facet, shape (f, t, k, d, d).
         """
         tests, slopes = self.functions.tested_slopes
         dim = self.dimension
@@ -334,9 +340,8 @@ class PairSurface:
 
     @cached_property
     def turning_places(self) -> tuple[Ints, Ints, Ints]:
-        """Return the pattern of the sparse matrix that sums ``turning``, shape (d N, d N): the
-        entry to which each value is added, the columns of the entries, and their number in each
-        row.
+        """The sparsity pattern of the matrix, shape (d N, d N), that sums ``turning``: the entry to
+        which each value is added, the columns of the entries, and their number in each row.
         """
         if self.undeformed is not None:
             return self.undeformed.turning_places
@@ -349,8 +354,9 @@ class PairSurface:
 
     @cached_property
     def directions(self) -> Array:
-        """``nodal_normals``, and between the vertices of quadratic triangles the means of those at
-        both, of length one; zero at nodes of no facet, shape (N, d).
+        """The outward unit directions at all nodes, shape (N, d): ``nodal_normals``, and at the
+        midside nodes of quadratic triangles the normalised mean of both vertices.  Zero at nodes of
+        no facet.
         """
         if len(self.functions.tests.places) == len(self.functions.places):
             return self.nodal_normals
@@ -368,7 +374,9 @@ class PairSurface:
 
     @cached_property
     def neighbours(self) -> sp.csr_array:
-        """Which facets have a node in common, sparse, ones, shape (f, f)."""
+        """Matrix of ones for facets that have a node in common, themselves included, sparse, shape
+        (f, f).
+        """
         if self.undeformed is not None:
             return self.undeformed.neighbours
         ends = np.arange(0, self.nodes.size + 1, self.nodes.shape[1])
@@ -380,15 +388,15 @@ class PairSurface:
 
     @cached_property
     def around_neighbours(self) -> sp.csr_array:
-        """Which facets have neighbours in common, sparse, shape (f, f)."""
+        """Matrix with entries for facets that have neighbours in common, sparse, shape (f, f)."""
         if self.undeformed is not None:
             return self.undeformed.around_neighbours
         return sp.csr_array(self.neighbours @ self.neighbours)
 
     @cached_property
     def focus(self) -> Array:
-        """Return how strongly the surface is concave at each facet: one over the distance at which
-        its normals meet those of its neighbours, at most, zero where they part, shape (f,).
+        """How concave the surface is at each facet, per length, shape (f,): one over the smallest
+        distance at which its normal meets those of its neighbours; zero where the normals diverge.
         """
         facets = np.arange(len(self.nodes))
         middle = self.functions.corners.mean(axis=0)[None, None]
@@ -406,9 +414,7 @@ class PairSurface:
 
     @cached_property
     def around(self) -> sp.csr_array:
-        """The area of the facets around a node that are around another one, too, sparse, shape (N,
-        N).
-        """
+        """The area of the facets that two nodes have in common, sparse, shape (N, N)."""
         if self.undeformed is not None:
             return self.undeformed.around
         areas = self.facet_areas[:, None, None]
@@ -418,29 +424,35 @@ class PairSurface:
 
 @dataclass(frozen=True)
 class Sharing:
-    """How ranks share a pair: each has the pieces of the overlap on an equal part of the facets of
-    the slave, whichever rank has their cells, and the points at its own nodes.
+    """The division of a pair between ranks.
 
-    ``comm``: the ranks; ``owner``: the rank of each node of the slave, shape (N,), None: this one.
+    Each rank has the pieces of the overlap on an equal part of the slave facets, whichever rank
+    owns their cells, and the contact points at its own nodes.
+
+    ``comm``: the ranks; ``owner``: the rank of each slave node, shape (N,); None: this rank.
     """
 
     comm: MPI.Comm
     owner: Ints | None
 
     def part(self, count: int) -> Ints:
-        """Return which of so many facets this rank pairs."""
+        """Return the numbers of those of ``count`` facets that this rank pairs."""
         comm = self.comm
         return np.arange(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
 
     def own(self, nodes: Ints) -> Ints:
-        """Return which of the points at some nodes are of this rank."""
+        """Return the indices in ``nodes`` of the points that belong to this rank."""
         if self.owner is None:
             return np.arange(nodes.size)
         return np.flatnonzero(self.owner[nodes] == self.comm.rank)
 
     def rows(self, matrix: sp.csr_array, nodes: Ints) -> sp.csr_array:
-        """Return the sums over the ranks of the rows for points at some nodes, those of the points
-        of this rank; collective.
+        """Return the rows of a matrix that belong to the points of this rank, summed over the
+        ranks; collective.
+
+        Args:
+            matrix: this rank's contribution, a row for each of the points of all ranks.
+            nodes: the slave node of each of these points.
         """
         if self.owner is None:
             return matrix
@@ -457,8 +469,11 @@ class Sharing:
         return sp.csr_array((values, (np.searchsorted(own, rows), columns)), shape=shape)
 
     def everywhere(self, values: Array, nodes: Ints) -> Array:
-        """Return the values of the points at some nodes, shape (n, k), on every rank, from those of
-        its own; collective.
+        """Return values at the points of all ranks, shape (n, k), on every rank; collective.
+
+        Args:
+            values: values at the points of this rank.
+            nodes: the slave node of each of the points of all ranks.
         """
         rows = np.zeros((nodes.size, values.shape[1]))
         rows[self.own(nodes)] = values
@@ -471,15 +486,17 @@ ALONE = Sharing(MPI.COMM_SELF, None)
 
 @dataclass(frozen=True)
 class Overlap:
-    """Pieces of the overlap, p of them, each on one facet of either side, with q points each, by
-    pairs of facets, f of them.
+    """The pieces of the overlap, p of them with q points each, sorted by pairs of facets, f of
+    them.
+
+    Each piece lies on one facet of either side.
 
     Attributes:
         slave, master: numbers of the facets, shape (p,).
-        at: the points in the reference facet of the slave, shape (p, q, d - 1).
-        over: those in the reference facet of the master, shape (p, q, d - 1).
-        weight: area (in 2D: length) of the slave side that a point stands for, times its measure,
-            shape (p, q).
+        at: reference coordinates of the points on the slave, shape (p, q, d - 1).
+        over: reference coordinates of the opposite points on the master, shape (p, q, d - 1).
+        weight: area (in 2D: length) of the slave side that each point stands for, times the
+            measure, shape (p, q).
     """
 
     slave: Ints
@@ -494,7 +511,7 @@ class Overlap:
 
     @cached_property
     def first(self) -> Ints:
-        """The first piece of each pair of facets, shape (f,)."""
+        """The number of the first piece of each pair of facets, shape (f,)."""
         if not self.slave.size:
             return np.zeros(0, dtype=np.int64)
         others = (np.diff(self.slave) != 0) | (np.diff(self.master) != 0)
@@ -502,7 +519,7 @@ class Overlap:
 
     @cached_property
     def pair(self) -> Ints:
-        """The pair of each piece, shape (p,)."""
+        """The number of the pair of facets of each piece, shape (p,)."""
         count = self.first.size
         return np.repeat(np.arange(count), np.diff(np.append(self.first, self.slave.size)))
 
@@ -514,15 +531,21 @@ class Overlap:
 
 
 def summed(shape: tuple[int, int], values: Array, rows: Ints, columns: Ints) -> sp.csr_array:
-    """Return a sparse matrix, the sum of values, of shapes that are broadcast."""
+    """Return the sparse matrix that sums ``values`` at ``rows`` and ``columns``; all three are
+    broadcast.
+    """
     narrow = (entry.astype(np.int32) for entry in (rows, columns))
     flat = [entry.ravel() for entry in np.broadcast_arrays(values, *narrow)]
     return sp.csr_array((flat[0], (flat[1], flat[2])), shape=shape)
 
 
 def in_rows(values: Array, columns: Ints, width: int) -> sp.csr_array:
-    """Return a sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in
-    columns that all rows of a piece have, shape (p, c).
+    """Return a sparse matrix with i rows for each of p pieces.
+
+    Args:
+        values: the entries, shape (p, i, c).
+        columns: their columns, the same for all rows of a piece, shape (p, c).
+        width: number of columns of the matrix.
     """
     count, rows, entries = values.shape
     indices = np.repeat(columns, rows, axis=0)
@@ -531,7 +554,7 @@ def in_rows(values: Array, columns: Ints, width: int) -> sp.csr_array:
 
 
 def components(nodes: Ints, dimension: int) -> Ints:
-    """Return the numbers of the components of vectors at nodes, shape (..., k): shape (..., d
+    """Return the numbers of the components of vectors at nodes: (..., k) nodes give shape (..., d
     k).
     """
     return (dimension * nodes[..., None] + np.arange(dimension)).reshape(
@@ -540,8 +563,8 @@ def components(nodes: Ints, dimension: int) -> Ints:
 
 
 def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
-    """Return a matrix of nodes as one of vectors at them, which does the same to each of so many
-    components.
+    """Return a matrix that acts on values at nodes as one that acts on each of ``count`` components
+    of vectors at nodes.
     """
     shape = (count * matrix.shape[0], count * matrix.shape[1])
     return sp.bsr_array(
@@ -550,8 +573,8 @@ def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
 
 
 def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
-    """Return the map from vectors at m nodes to the products of ``vectors``, shape (n, d), and the
-    means that a matrix makes of them, sparse, shape (n, d m).
+    """Return the map from vectors at m nodes to the components, along ``vectors`` of shape (n, d),
+    of their means by ``matrix``; sparse, shape (n, d m).
     """
     dim = vectors.shape[1]
     values = matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0)
@@ -562,9 +585,12 @@ def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
 
 
 def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
-    """Return the map from vectors at m nodes to the products of k ``vectors`` at each point, one
-    per column, shape (n, d, k), and those that ``blocks``, shape (n d, d m), make of them: sparse,
-    shape (n k, d m).
+    """Return the map from vectors at m nodes to the components, along k vectors at each point, of
+    what ``blocks`` makes of them; sparse, shape (n k, d m).
+
+    Args:
+        vectors: k vectors at each point, one per column, shape (n, d, k).
+        blocks: map to vectors at the points, shape (n d, d m).
     """
     row = np.repeat(np.arange(len(vectors)), np.diff(blocks.indptr))
     values = vectors.swapaxes(1, 2)[row] @ blocks.data
@@ -575,7 +601,9 @@ def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
 
 
 def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
-    """Return the matrix without the round-off of zeros; entries have no unit."""
+    """Return the matrix without entries that are zero up to round-off; entries are
+    dimensionless.
+    """
     matrix.data[np.abs(matrix.data) < ZERO_COMPONENT] = 0.0
     matrix.eliminate_zeros()
     return matrix
@@ -584,10 +612,11 @@ def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
 def turning_of(
     arms: sp.csr_array, places: Sequence[Array], distances: Sequence[Array]
 ) -> sp.bsr_array:
-    """Return the sum of omega_i(u) x d_i over sides as a matrix, see ``Coupling``.
+    """Return the sum of omega_i(u) x d_i over the sides as a matrix, see ``Coupling``.
 
-    ``arms``: a_il, shape (n, m), ``places``: of the nodes of each side, ``distances``: its d_i,
-        shape (n, d).
+    ``arms``: a_il, shape (n, m); ``places``: positions of the nodes of each side; ``distances``:
+    d_i
+        for each side, shape (n, d).
     """
     arms.sort_indices()
     count, dim = distances[0].shape
@@ -620,10 +649,12 @@ def turning_of(
 
 
 def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
-    """Return the derivative of ``nodal_normals`` by displacements of the nodes of sides, sparse,
-    shape (d m, d m).
+    """Return the derivative of ``nodal_normals`` with respect to the displacements of the nodes of
+    the sides, sparse, shape (d m, d m).
 
-    ``turned_too``: maps these turns to those of other vectors, shape (m, d, d).
+    ``turned_too``: matrices that map the derivatives of the normals to those of other vectors,
+    shape
+        (m, d, d).
     """
     parts = []
     first = 0
@@ -640,8 +671,8 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
 
 
 def across(along: Array) -> Array:
-    """Return the normals of d - 1 tangents, shape (d - 1, ..., d), shape (..., d): in 2D a tangent
-    turned clockwise.
+    """Return normals, shape (..., d), from d - 1 tangents, shape (d - 1, ..., d): the cross
+    product, in 2D the tangent turned clockwise.
     """
     return (
         np.cross(*along)
@@ -651,7 +682,7 @@ def across(along: Array) -> Array:
 
 
 def _crossing(vectors: Array) -> Array:
-    """Return the matrices of v x ., shape (n, 3, 3), in 2D (n, 1, 2)."""
+    """Return the matrices of the cross product v x ., shape (n, 3, 3), in 2D (n, 1, 2)."""
     if vectors.shape[1] == 2:
         return np.stack((-vectors[:, 1], vectors[:, 0]), axis=1)[:, None]
     matrices = np.zeros((len(vectors), 3, 3))

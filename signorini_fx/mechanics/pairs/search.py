@@ -1,4 +1,4 @@
-"""Which facets of both sides can meet: they are near, and face each other."""
+"""Search for the facets of both sides that can meet: those that are near and face each other."""
 
 from __future__ import annotations
 
@@ -32,34 +32,39 @@ class Patches:
 
     @cached_property
     def centre(self) -> Array:
-        """Shape (p, d)."""
+        """The mean of the corners of each patch, length, shape (p, d)."""
         return self.corners.mean(axis=1)
 
     @cached_property
     def radius(self) -> Array:
-        """Return the radius of a ball around the centre of each patch, shape (p,)."""
+        """The radius of a ball around the centre that contains the patch, length, shape (p,)."""
         return np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1)
 
     @cached_property
     def tree(self) -> cKDTree:
-        """Return the search tree of the centres."""
+        """The search tree of the centres."""
         return cKDTree(self.centre)
 
     @property
     def focus(self) -> Array:
-        """Return one over the distance at which normals meet in front of each patch, shape (p,)."""
+        """One over the distance at which normals meet in front of each patch, shape (p,); zero
+        here: flat.
+        """
         return np.zeros(len(self.corners))
 
     @property
     def wall(self) -> Array:
-        """Return the thickness of the body behind each patch, length, shape (p,)."""
+        """The thickness of the body behind each patch, length, shape (p,); infinite here."""
         return np.full(len(self.corners), np.inf)
 
 
 @dataclass(frozen=True)
 class Parts(Patches):
-    """The linear parts of facets of a side: of which facet each is, shape (p,), and its corners in
-    its reference facet, shape (p, c, d - 1).
+    """The linear parts of the facets of a side.
+
+    ``facet``: number of the facet of each part, shape (p,); ``reference``: the corners of each part
+    in
+        its reference facet, shape (p, c, d - 1).
     """
 
     side: PairSurface
@@ -68,12 +73,14 @@ class Parts(Patches):
 
     @property
     def focus(self) -> Array:
-        """Return how concave a deformed side is at each part, see ``PairSurface.focus``."""
+        """How concave a deformed side is at each part, see ``PairSurface.focus``; zero if
+        undeformed.
+        """
         return super().focus if self.side.undeformed is None else self.side.focus[self.facet]
 
     @property
     def wall(self) -> Array:
-        """Return the thickness of the body behind each part, see ``PairSurface.wall``."""
+        """The thickness of the body behind each part, see ``PairSurface.wall``."""
         return super().wall if self.side.wall is None else self.side.wall[self.facet]
 
     @classmethod
@@ -94,12 +101,13 @@ class Parts(Patches):
 def default_reach(slave: Array, master: Array) -> float:
     """Return a distance beyond which facets cannot come into contact, length.
 
-    It is the smallest distance of both sides, and a share of the size of the smaller one: twice the
-    largest distance from its middle, which does not depend on the axes.
+    It is the smallest distance between the nodes of both sides plus a fraction of the size of the
+    smaller side.  The size is twice the largest distance from its mean, which does not depend on
+    the axes.
 
     Args:
         slave: positions of the nodes of one side, shape (n, d).
-        master: those of the other one.
+        master: positions of the nodes of the other side.
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
     sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
@@ -107,14 +115,15 @@ def default_reach(slave: Array, master: Array) -> float:
 
 
 def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Ints, Ints]:
-    """Return pairs of patches that face each other, one over the other as seen along its normal,
-    and within reach, length: numbers of both patches of each pair, ascending, shape (m,) each.
+    """Return the pairs of patches that can meet: they face each other, overlap as seen along the
+    slave's normal, and lie within ``reach``, length.
 
-    Partners are nearer than the focus of a side that is concave, where its normals cross, and not
-    behind the middle of the own wall.
+    Both arrays of numbers have shape (m,), in ascending order.  A partner is nearer than the point
+    where normals of a concave side cross, and not behind the middle of the slave's own wall.
 
-    ``turning``: tangent of the angle between the directions of projection and the normal of each
-        patch of the slave, shape (p,).
+    ``turning``: tangent of the angle between the direction of projection and the normal of each
+    slave
+        patch, shape (p,).
     """
     if not len(slave.corners) or not len(master.corners):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)

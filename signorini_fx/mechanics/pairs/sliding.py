@@ -1,23 +1,24 @@
-"""The map of a pair whose bodies slide and turn: at the deformed sides, with what changes it.
+"""The map of a pair whose bodies slide and rotate, evaluated at the deformed sides, and its
+derivative.
 
-A point i of the slave sees the master at distances g along directions N half-way between the
-normals of both sides,
+A slave point i has distances g to the master along directions N half-way between the normals of
+both sides,
 
     x_s + g N = x_m(xi),   gap_i = sum_q P_iq g_q,
 
-where P_iq are the functions of the points times areas of the undeformed slave, over their sum w_i.
-The rows dgap_i of the map, see ``sliding_pieces``, are zero on every joint rigid motion, so that
-pressures on both sides, their transpose, balance in forces and moments.  Points of quadrature,
-functions, and the angles between N and the normals of the slave are held: what these change of the
-gap is of second order where sides touch.  The map of friction is that of ``mortar_coupling``, with
-half of the rotations of both sides.
+where P_iq are the functions of the points times areas of the undeformed slave, divided by their sum
+w_i.  The rows dgap_i of the map, see ``sliding_pieces``, vanish for every joint rigid motion, so
+that pressures on both sides, their transpose, balance in forces and moments.  Quadrature points,
+functions, and the angles between N and the normals of the slave are held constant: their effect on
+the gap is of second order where sides touch.  The map of friction is that of ``mortar_coupling``,
+with half of the rotations of both sides.
 
-Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
+Slips are chords.  With the functions D, M at the beginning of a step, marked by 0,
 
     slip_i = T_i^T (D0 x_s - M0 x_m) - T0_i^T (D0 x0_s - M0 x0_m),
 
-which no joint motion changes, and which goes over any number of facets.  In 3D the tangents T_i
-turn with the facets of the slave around the node of the point, about the normal, too.
+which is unchanged by joint rigid motions, and may extend over any number of facets.  In 3D the
+tangents T_i turn with the slave facets around the node of the point, also about the normal.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations
 
 @dataclass(frozen=True)
 class Frames:
-    """Which nodes of both sides a point of the slave meets, and in which frame, n points.
+    """The nodes of both sides that each of n points couples, and the tangents at the points.
 
     Attributes:
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
         tangents: T_i, orthonormal, one per column, shape (n, d, d - 1).
-        partnered: whether the point sees the other side, shape (n,).
+        partnered: whether the point has a partner on the other side, shape (n,).
     """
 
     both: sp.csr_array
@@ -61,27 +62,25 @@ class Frames:
 
 @dataclass(frozen=True)
 class SlidingCoupling:
-    """The contact points of a pair of deformed sides, one for each of some nodes of the slave, n of
-    them.
+    """The n contact points of this rank on a pair of deformed sides, each at a node of the slave.
 
-    They are those of this rank.  A point that sees no partner has the displacement of its node, and
-    the reach for a gap.
+    A point without a partner has the displacement of its node, and ``reach`` for its gap.
 
     Attributes:
-        slave, master: both sides as they are deformed.
-        nodes: of the slave, shape (n,).
-        seen: whether any point of any rank sees the other side.
+        slave, master: both deformed sides.
+        nodes: the slave nodes of the points, shape (n,).
+        seen: whether any point of any rank has a partner.
         weight: w_i, undeformed area, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         gap: length, shape (n,).
-        frames: of the points.
+        frames: couplings and tangents of the points.
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave
             first, sparse, shape (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape
             (n (d - 1), d m).
-        centre: where forces act, length, shape (n, d).
-        covered: undeformed area of the slave where both sides see each other and one can move.
-        pieces: what the second derivatives of the gap are made of.
+        centre: point of action of the forces, length, shape (n, d).
+        covered: undeformed area of the slave where both sides overlap and at least one can move.
+        pieces: data of the second derivatives of the gap.
     """
 
     slave: PairSurface
@@ -99,8 +98,13 @@ class SlidingCoupling:
     pieces: SlidingPieces = field(repr=False)
 
     def slip(self, begun: SlidingCoupling) -> Array:
-        """Return the slip of the points along T_i since a step has begun with another map, length,
-        shape (n, d - 1): of points that had no partner then with the nodes that they meet now.
+        """Return the slip of the points along T_i since the beginning of the step, length, shape
+        (n, d - 1).
+
+        Points that had no partner then are compared at the nodes that they couple now.
+
+        Args:
+            begun: the map at the beginning of the step.
         """
         tangents = self.frames.tangents
         ways = []
@@ -112,17 +116,20 @@ class SlidingCoupling:
         return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
     def stiffness(self, pressure: Array, shear: Array, *, symmetric: bool) -> sp.csr_array:
-        """Return the stiffness that tractions add to the tangent as the frames of the points turn
-        and their partners shift, force / length, sparse, shape (d m, d m), which is the sum over
-        the ranks; collective.
+        """Return the stiffness that tractions add to the tangent as the frames of the points rotate
+        and their partners shift, force / length, sparse, shape (d m, d m); to be summed over the
+        ranks; collective.
 
-        The stiffness of pressures is the second derivative of the gaps.  Shears turn with the
-        normals, which is made symmetric by its transpose: that acts along the normals alone, where
-        sides in contact do not move.
+        Pressures contribute the second derivative of the gaps.  Shears rotate with the normals;
+        adding the transpose makes this term symmetric.  The transpose acts along the normals only,
+        where sides in contact do not move relative to each other.  The shift of partners transfers
+        shears from node to node of the master; its derivative is not symmetric, and is left out if
+        ``symmetric``.
 
-        The shift of partners takes shears on from node to node of the master: its derivative is not
-        symmetric, and is left out of what is ``symmetric``.  ``pressure``: lambda, stress, shape
-        (n,); ``shear``: mu along T_i, stress, shape (n, d - 1).
+        Args:
+            pressure: lambda, stress, shape (n,).
+            shear: mu along T_i, stress, shape (n, d - 1).
+            symmetric: whether to leave out what is not symmetric.
         """
         shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
         forces = np.column_stack((self.weight * pressure, 0.0 * shears if symmetric else shears))
@@ -133,8 +140,8 @@ class SlidingCoupling:
         return sp.csr_array(stiffness)
 
     def _turning(self, along: Array) -> sp.csr_array:
-        """Return the derivative of n_i along vectors, shape (n, d), by displacements of both sides,
-        sparse, shape (n, d m).
+        """Return the derivative of n_i, times the vectors ``along``, shape (n, d), with respect to
+        the displacements of both sides, sparse, shape (n, d m).
         """
         sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
         size = np.linalg.norm(sums, axis=1)[:, None]
@@ -151,13 +158,21 @@ def slide(
     whole: PairSurface | None = None,
     sharing: Sharing = ALONE,
 ) -> SlidingCoupling:
-    """Return the map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; None:
-    the slave; a PairingError: a facet sees two sheets of the master; collective.
+    """Return the map of two deformed sides, see ``PairSurface.displaced``; collective.
 
-    ``points``: nodes of the slave that have a point, ascending, shape (n,).
-    ``reach``: distance beyond which facets are no partners, length.
-    ``whole``: the surface of which the slave is a part, which points that see no partner belong to.
-    ``sharing``: between the ranks.
+    In 3D both sides have degree 1.
+
+    Args:
+        slave: the side with the contact points.
+        master: the opposite side.
+        points: slave nodes that have a point, ascending, shape (n,).
+        reach: distance beyond which facets are not paired, length.
+        whole: the surface of which the slave is a part, to which points without a partner belong;
+            None: the slave.
+        sharing: division of the pair between the ranks.
+
+    Raises:
+        PairingError: a facet faces two sheets of the master.
     """
     tested, directions = projected(slave, master, reach, sharing, apart=True)
     assert directions is not None
@@ -190,9 +205,10 @@ def slide(
 
 
 def tangents_of_points(slave: PairSurface, points: Ints, normals: Array) -> Array:
-    """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the
-    node; the first one of a point in a plane of symmetry, where neither half turns about the normal
-    alone, stays across it.
+    """Return T_i of points at some nodes, shape (n, d, d - 1).
+
+    In 3D they turn with the slave around the node.  For a point in a plane of symmetry the first
+    tangent stays perpendicular to the plane, as neither half rotates about the normal alone.
     """
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]

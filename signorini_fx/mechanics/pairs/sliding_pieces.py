@@ -1,6 +1,6 @@
-"""The distances of a pair whose bodies slide and turn, and their derivatives, in 2D and 3D.
+"""The distances of a pair whose bodies slide and rotate, and their derivatives, in 2D and 3D.
 
-A point of the slave sees the master along N, half-way between the normals of both sides,
+A slave point is projected onto the master along N, half-way between the normals of both sides,
 
     x_s + g N = x_m(xi),   a^a . x_m,b = delta_ab,   a^a . N = 0,   m = nu / (nu . N),
 
@@ -9,15 +9,16 @@ with nu the normal of the master at xi.  A displacement d changes
     dg = m . (d_m - d_s - g dN),   dxi_a = a^a . (d_s + g dN - d_m),
     d2g = 2 m . (d_m,a dxi_a - dg dN) + m . x_m,ab dxi_a dxi_b
 
-Where a vertex of the master, in 3D an edge, passes by, the slopes h' of its height over the slave
-jump:
+Where a vertex of the master, in 3D an edge, passes by, the slope h' of its height over the slave
+jumps:
 
     d2 int g = ... + int (jump of h' along n) (n . (d_m - d_s - g dN))^2,
 
-along the edge, with n across it.
+along the edge, with n perpendicular to it.
 
-All rows of a piece of the overlap are of the vectors at the nodes of both of its facets and dN,
-which ``spread`` makes of displacements.  In 3D facets are of degree 1.
+Each piece of the overlap has rows for a local set of vectors: those at the nodes of both of its
+facets, and those that make up dN.  The matrix ``spread`` computes them from the displacements.  In
+3D facets are of degree 1.
 """
 
 from __future__ import annotations
@@ -60,29 +61,31 @@ _ON_EDGE = 3
 
 @dataclass(frozen=True)
 class SlidingPieces:
-    """The pieces of an overlap that this rank has, p of them with q points each, on f pairs of
-    facets with c vectors each.
+    """The pieces of an overlap on this rank, p of them with q points each, on f pairs of facets;
+    each pair depends on c local vectors.
 
     Attributes:
-        points: the nodes of the points of all ranks, shape (n,).
-        mean: from integrals of functions on the pairs to means at these, sparse, shape (n, f t).
+        points: the slave nodes of the contact points of all ranks, shape (n,).
+        mean: from integrals of functions on the pairs to means at the points, sparse, shape (n, f
+            t).
         tested: the overlap with these functions.
-        projection: along which the points see the master.
-        blocks: which vectors of ``spread`` a pair depends on: those at the nodes of both facets,
-            and what turns N, shape (f, c).
-        spread: all vectors from the displacements of the nodes of both sides, sparse, shape (d v, d
-            m).
-        share: with which each of them is in d_m - d_s - g dN, but for what turns N along itself,
-            shape (p, q, c).
-        turns: the share of what turns N in dN, likewise, shape (p, q, r).
-        slope: with which the vectors at the l nodes of the master are in d_m,a, shape (d - 1, p, q,
-            l).
+        projection: the directions along which slave points are projected onto the master.
+        blocks: numbers of the local vectors of each pair in ``spread``: those at the nodes of both
+            facets, then those that turn N, shape (f, c).
+        spread: all local vectors from the displacements of the nodes of both sides, sparse, shape
+            (d v, d m).
+        share: coefficients of the local vectors in d_m - d_s - g dN, except that the part of dN
+            along N is not yet removed, shape (p, q, c).
+        turns: coefficients of the r vectors that turn N in dN, except for the part along N, shape
+            (p, q, r).
+        slope: coefficients of the vectors at the l nodes of the master in d_m,a, shape (d - 1, p,
+            q, l).
         facing: m, shape (p, q, d).
-        across: m - N, likewise.
+        across: m - N, shape (p, q, d).
         dual: a^a, shape (d - 1, p, q, d).
         distance: g, length, shape (p, q).
-        curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are flat but for their
-            twist.
+        curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are taken as flat (the
+            twist of quadrilaterals is neglected).
     """
 
     points: Ints
@@ -106,8 +109,9 @@ class SlidingPieces:
     ) -> SlidingPieces:
         """Return the pieces of two sides.
 
-        ``directions``: of projection at the nodes of the slave, of length one, shape (N, d); for
-            ``points`` and ``mean`` see the attributes.
+        ``directions``: unit directions of projection at the slave nodes, shape (N, d); for
+        ``points`` and
+            ``mean`` see the attributes.
         """
         slave = tested.slave
         master = tested.master
@@ -146,12 +150,12 @@ class SlidingPieces:
 
     @cached_property
     def kinks(self) -> Kinks:
-        """Return the places where the normal of the master jumps."""
+        """The places where the normal of the master jumps."""
         return Kinks.of(self.tested, self.projection)
 
     @property
     def gap(self) -> Array:
-        """Return the gap at the points of this rank, length, shape (n,); collective."""
+        """The gap at the points of this rank, length, shape (n,); collective."""
         integrals = rmatvec(self.tested.weighted, self.distance)
         gap = self.mean @ self.tested.overlap.of_pairs(integrals).ravel()
         sharing = self.tested.sharing
@@ -159,15 +163,20 @@ class SlidingPieces:
 
     @property
     def rows(self) -> sp.csr_array:
-        """Return the derivative of the gap, sparse, shape (n, d m); collective."""
+        """The derivative of the gap at the points of this rank with respect to the displacements,
+        sparse, shape (n, d m); collective.
+        """
         entries = np.matmul(
             self.tested.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across)
         )
         return self._at_points(self.mean, entries)
 
     def passing(self, along: Array) -> sp.csr_array:
-        """Return the change of the normal of the master along vectors at the points, shape (n, d),
-        by the places that shift with displacements, sparse, shape (n, d m); collective.
+        """Return the change of the master's normal as projected points shift on the master, sparse,
+        shape (n, d m); collective.
+
+        Args:
+            along: vectors at the points whose product with the change is returned, shape (n, d).
         """
         along = self.tested.sharing.everywhere(along, self.points)
         total: Array = np.zeros(1)
@@ -179,12 +188,14 @@ class SlidingPieces:
         return self._at_points(means_along(along, self.mean), total)
 
     def stiffness(self, acting: Array) -> sp.csr_array:
-        """Minus the second derivative of the gaps with forces at the points of this rank, and what
-        shears there change of the forces on the master as places shift, sparse, shape (d m, d m),
-        the sum over the ranks; collective.
+        """Return the contribution of contact forces to the tangent, sparse, shape (d m, d m), which
+        is to be summed over the ranks; collective.
+
+        It is minus the second derivative of the gaps times the normal forces, plus the change of
+        the shear forces on the master as projected points shift.
 
         Args:
-            acting: both, shape (n, 1 + d).
+            acting: normal force and shear force at the points of this rank, shape (n, 1 + d).
         """
         tests = self.tested.weighted.shape[2]
         pair = self.tested.overlap.pair
@@ -218,7 +229,7 @@ class SlidingPieces:
         return self.spread.T.tocsr() @ joint @ self.spread
 
     def _second(self, pieces: Ints, forces: Array, shears: Array) -> Array:
-        """Return the products of some pieces, shape (k, d c, d c)."""
+        """Return the stiffness of some pieces in their local vectors, shape (k, d c, d c)."""
         share = self.share[pieces]
         facing = self.facing[pieces]
         across = self.across[pieces]
@@ -245,9 +256,9 @@ class SlidingPieces:
         return total
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
-        """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c).
+        """Return vectors (p, q, d) times factors (p, q, c) as rows, shape (p, q, d c).
 
-        ``across``: those without a part along N.
+        ``across``: the vectors without their part along N, used for the local vectors that turn N.
         """
         count = factor.shape[2] - self.turns.shape[2]
         return np.concatenate(
@@ -255,8 +266,10 @@ class SlidingPieces:
         )
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
-        """Return the matrix of displacements at the points of this rank with these means of
-        integrals on pieces, shape (p, i, d c); collective.
+        """Return rows at the points of this rank, in displacements, from integrals on pieces;
+        collective.
+
+        ``mean``: means of the integrals at the points; ``entries``: integrals, shape (p, i, d c).
         """
         columns = components(self.blocks, self.facing.shape[2])
         integrals = self.tested.overlap.of_pairs(entries)
@@ -266,15 +279,16 @@ class SlidingPieces:
 
 @dataclass(frozen=True)
 class Projection:
-    """The directions N along which points of the slave see the other side, and what turns them.
+    """The directions N along which slave points are projected onto the master, and what turns them.
 
-    In 2D N is between the directions at the nodes of a facet, which turn as its normals do.  In 3D
-    a facet has one, that of ``overlap``, which turns as the slave does around its nodes.
+    In 2D N is interpolated between the directions at the nodes of a facet, which turn with the
+    nodal normals.  In 3D N is constant on a facet, as in ``overlap``, and turns with the slave
+    around its nodes.
 
     Attributes:
-        vectors: of length one, shape (v, d).
-        numbers: which of them N of each facet is made of, shape (f, r).
-        turning: what turns them, from displacements of the slave, sparse, shape (d v, d N).
+        vectors: unit vectors, shape (v, d).
+        numbers: the numbers of those vectors from which N of each facet is made, shape (f, r).
+        turning: changes of the vectors from displacements of the slave, sparse, shape (d v, d N).
     """
 
     vectors: Array
@@ -283,8 +297,9 @@ class Projection:
 
     @classmethod
     def of(cls, slave: PairSurface, directions: Array) -> Projection:
-        """Return the directions of projection between the nodes of the slave, where they have
-        length one, shape (N, d).
+        """Return the projection of a slave side.
+
+        ``directions``: unit directions of projection at its nodes, shape (N, d).
         """
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
@@ -302,8 +317,10 @@ class Projection:
         )
 
     def at(self, facets: Ints, shape: Array) -> tuple[Array, Array]:
-        """N at points of facets from the functions of the slave there, shape (m, q, k), and the
-        shares of the vectors in dN, which has no part along N: shapes (m, q, d) and (m, q, r).
+        """Return N at points of facets, shape (m, q, d), and the coefficients of the vectors in dN
+        before its part along N is removed, shape (m, q, r).
+
+        ``shape``: functions of the slave at the points, shape (m, q, k).
         """
         if self.numbers.shape[1] == 1:
             shape = np.ones((*shape.shape[:2], 1))
@@ -314,17 +331,17 @@ class Projection:
 
 @dataclass(frozen=True)
 class Kinks:
-    """Points of the slave opposite the v vertices of the master, in 3D its edges, at which its
-    normal jumps.
+    """The v slave points opposite vertices of the master, in 3D points opposite its edges, where
+    its normal jumps.
 
-    There the derivative of the distance jumps as they pass by.
+    The derivative of the distance jumps there as they pass by.
 
     Attributes:
-        pairs: numbers of pairs of facets with the same functions, shape (v,).
-        functions: these there, times lengths and the jump, shape (v, t).
-        share: of the vectors of the pair, see ``SlidingPieces``, that they pass by with, shape (v,
-            c).
-        across: the direction in which they pass by, of length one, shape (v, d).
+        pairs: number of a pair of facets that has the same functions, shape (v,).
+        functions: the dual functions there, times lengths and the jump, shape (v, t).
+        share: coefficients of the local vectors of the pair, see ``SlidingPieces``, in the velocity
+            of passing, shape (v, c).
+        across: unit vector in the direction of passing, shape (v, d).
     """
 
     pairs: Ints
@@ -334,7 +351,9 @@ class Kinks:
 
     @classmethod
     def of(cls, tested: Tested, projection: Projection) -> Kinks:
-        """Return the kinks between two facets of the master opposite one facet of the slave."""
+        """Return the kinks between two adjacent facets of the master opposite one facet of the
+        slave.
+        """
         slave = tested.slave
         master = tested.master
         overlap = tested.overlap
@@ -399,7 +418,9 @@ class Kinks:
 
 
 def _add(values: Array, place: Ints, products: Callable[[slice], Array]) -> None:
-    """Add products, of which some are made at once, to values at these places, ascending."""
+    """Add products, computed in batches, to the entries of ``values`` at ``place``, in ascending
+    order.
+    """
     for first in range(0, place.size, _AT_ONCE):
         chosen = slice(first, first + _AT_ONCE)
         met, starts = np.unique(place[chosen], return_index=True)
@@ -407,22 +428,22 @@ def _add(values: Array, place: Ints, products: Callable[[slice], Array]) -> None
 
 
 def _along(factor: Array, vectors: Array) -> Array:
-    """Vectors (p, q, d) times factors (p, q, c), (p, q, d c)."""
+    """Return vectors (p, q, d) times factors (p, q, c), shape (p, q, d c)."""
     return np.einsum("pqc,pqd->pqcd", factor, vectors).reshape(
         *factor.shape[:2], factor.shape[2] * vectors.shape[2]
     )
 
 
 def _turned(vectors: Array) -> Array:
-    """Vectors, shape (..., 2), turned by 90 degrees."""
+    """Return vectors, shape (..., 2), rotated by +90 degrees."""
     return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
 
 
 def _at_vertices(
     slave: PairSurface, projection: Projection, facet: Ints, x: Array
 ) -> tuple[Ints, Array, Array, Array]:
-    """Return the vertices that facets of the slave see, their places there, the shares of the
-    vertex, and lengths (one).
+    """Return the master vertices that project inside slave facets: their rows in ``x``, the
+    reference coordinates, the shares of the vertex (one) and lengths (one).
     """
     ways = slave.functions.polynomials(projection.vectors[slave.nodes[facet]])[:, :, None]
     place = place_under(slave.functions, slave.corners[facet], ways, x)[:, 0]
@@ -433,8 +454,9 @@ def _at_vertices(
 def _on_edges(
     slave: PairSurface, projection: Projection, facet: Ints, x: Array
 ) -> tuple[Ints, Array, Array, Array]:
-    """Return points where facets of the slave are opposite edges: edge, place on the facet, shares
-    of its ends, and length.
+    """Return quadrature points where master edges are opposite slave facets: the row of each edge
+    in ``x``, the reference coordinates on the facet, the shares of the two ends, and weights,
+    length.
     """
     corners = slave.corners[facet][:, slave.functions.vertices]
     ways = projection.vectors[facet]
@@ -465,8 +487,8 @@ def _on_edges(
 
 
 def rotations_at_nodes(side: PairSurface, nodes: Ints) -> Array:
-    """Return the mean rotation of the facets around some nodes since the side was undeformed, by
-    least squares with areas, shape (n, 3, 3).
+    """Return the mean rotation, from the undeformed state, of the facets around each node: the
+    area-weighted least-squares fit, shape (n, 3, 3).
     """
     assert side.undeformed is not None
     around = sp.csr_array(side.around[nodes])
