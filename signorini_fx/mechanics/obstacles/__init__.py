@@ -1,8 +1,8 @@
-"""What contact points meet: rigid shapes, the sides of other bodies, and the images across planes
-of symmetry.
+"""What contact points touch: rigid shapes, the sides of other bodies, and images across planes of
+symmetry.
 
-``pairs`` couples two surfaces by their geometry alone; here couplings and shapes get their points,
-gaps and laws.
+``pairs`` couples two surfaces by their geometry alone; this package adds contact points, gaps and
+contact laws to couplings and shapes.
 """
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body

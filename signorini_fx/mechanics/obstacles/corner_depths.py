@@ -1,9 +1,8 @@
-"""How deep convex corners of rigid foundations are inside a body: what no contact point on its
-nodes sees.
+"""Penetration of convex corners of rigid foundations into a body between its contact nodes.
 
 A corner c that is rounded by rho is below a facet of the boundary with the outward normal n and the
-closest point x by rho - added - n . (c - x), with what is added to the distance.  Edges in space
-are looked at in points.
+closest point x by rho - added - n . (c - x), where ``added`` is added to the distance.  Edges in 3D
+are sampled at points.
 """
 
 from __future__ import annotations
@@ -38,8 +37,13 @@ FACETS_OF_ROUNDING = 2
 
 @dataclass(frozen=True)
 class DeepCorner:
-    """The corner ``at`` of the foundation that the input names by its ``path``: its ``depth`` below
-    a ``facet`` of this length, of a facet in space the longest side.
+    """A corner of a foundation that penetrates the body between nodes.
+
+    Attributes:
+        path: the name of the foundation in the input.
+        at: position of the corner, length.
+        depth: depth below the facet, length.
+        facet: length of the facet, in 3D of its longest side.
     """
 
     path: str
@@ -57,8 +61,12 @@ class DeepCorner:
 
 @dataclass(frozen=True)
 class BodySurface:
-    """The boundary of a body on this rank, in m flat pieces: the nodes of each, local numbers,
-    shape (m, d), and one node of the cell behind it that is not on it, shape (m,).
+    """The boundary of a body on this rank, divided into m flat pieces.
+
+    Attributes:
+        space: the space of displacements.
+        pieces: local numbers of the nodes of each piece, shape (m, d).
+        behind: one node, not on the piece, of the cell behind it, shape (m,).
     """
 
     space: fem.FunctionSpace
@@ -67,7 +75,7 @@ class BodySurface:
 
     @classmethod
     def of(cls, space: fem.FunctionSpace) -> BodySurface:
-        """Return the surface of a space of displacements; nodes between vertices divide a facet."""
+        """Return the surface of a space of displacements; midside nodes divide a facet."""
         mesh = space.mesh
         dim = space.mesh.topology.dim
         facets = outer_facets(mesh)
@@ -80,10 +88,11 @@ class BodySurface:
         return cls(space, nodes[:, split].reshape(-1, dim), np.repeat(behind, len(split)))
 
     def below(self, points: Array, places: Array) -> tuple[Array, Array, Array]:
-        """Return how deep points are below the closest piece, negative outside, and the length of
-        its longest side, shapes (k,), and its outward normal, shape (k, d); collective.
+        """Return the depth of points below the closest piece, negative outside, the length of its
+        longest side, shapes (k,), and its outward normal, shape (k, d); collective.
 
-        ``places``: positions of the nodes, length, shape (nodes, d); the same on every rank.
+        ``points``: the same on every rank; ``places``: positions of the nodes of this rank, length,
+        shape (nodes, d).
         """
         dim = self.pieces.shape[1]
         x = places[self.pieces][..., :dim]
@@ -124,11 +133,10 @@ def deepest_corner(
     rigid: Iterable[RigidBodyMotion],
     boundary: ContactBoundary | None,
 ) -> DeepCorner | None:
-    """Return the corner of the foundations without contact points of its own that is most below the
-    deformed boundary of the body, if that is a notable share of the deformation; None if there is
-    none; collective.
+    """Return the corner without contact points that penetrates the deformed body most, if its depth
+    is a notable fraction of the deformation; None if there is none; collective.
 
-    ``rigid``: how forces have moved foundations.
+    ``rigid``: the motions of foundations that forces move.
     """
     felt: Ints = np.zeros((0, 2), dtype=np.int64)
     if boundary is not None and (at := boundary.corners) is not None:
@@ -184,9 +192,9 @@ def deepest_corner(
 
 
 def facing_corners(foundation: PlacedShape, space: fem.FunctionSpace) -> tuple[Array, float] | None:
-    """Return the corners of a foundation that are rounded by less than the facet of the undeformed
-    body that they point at, length, shape (k, d), and the longest such facet; None if there are
-    none; collective.
+    """Return the corners of a foundation, shape (k, d), length, that point at a facet of the
+    undeformed body and are sharper than it can resolve, and the length of the longest such facet;
+    None if there are none; collective.
     """
     dim = space.mesh.topology.dim
     corners = corners_of(foundation.shape, dim)
@@ -202,8 +210,8 @@ def facing_corners(foundation: PlacedShape, space: fem.FunctionSpace) -> tuple[A
 def _points_of(
     corners: Corners, low: Array, high: Array, surface: BodySurface, places: Array
 ) -> tuple[Array, Array]:
-    """Corners within the box of the body, and points of edges there, no farther apart than half a
-    facet, with the radii that they are rounded by, shapes (k, d) and (k,); collective.
+    """Return corners within the bounding box of the body, and points on edges there, at most half a
+    facet apart, with their rounding radii, shapes (k, d) and (k,); collective.
     """
     points = [corners.places]
     radii = [corners.radius]
@@ -234,8 +242,8 @@ def _points_of(
 
 
 def _split(dim: int, nodes: int) -> Ints:
-    """Return the flat pieces of a facet with so many nodes, vertices first, by their numbers, shape
-    (pieces, d).
+    """Return the flat pieces into which a facet with this number of nodes is divided, as numbers of
+    its nodes, vertices first, shape (pieces, d).
     """
     if dim == 2:  # vertices, and those between them in order
         return np.array([*zip([0, *range(2, nodes)], [*range(2, nodes), 1], strict=True)])
@@ -249,8 +257,8 @@ def _split(dim: int, nodes: int) -> Ints:
 
 
 def _normals(x: Array) -> Array:
-    """Unit normals of segments or triangles with such corners, shape (m, d), zero where they have
-    no extent.
+    """Return unit normals of segments or triangles with these corners, shape (m, d); zero if
+    degenerate.
     """
     along = x[:, 1] - x[:, 0]
     normal = (

@@ -1,17 +1,18 @@
-"""Contact points at the convex corners of rigid foundations in the plane, between the nodes of a
+"""Contact points at the convex corners of rigid 2D foundations, which may lie between nodes of a
 body.
 
-A corner c, rounded by rho, is felt by the facet of the contact boundary that is closest to it: with
-its foot xi there, (c - x(xi)) . x'(xi) = 0, the outward normal n and the functions phi of the
-nodes,
+A corner c, rounded by rho, touches the facet of the contact boundary that is closest to it.  With
+its foot xi there, (c - x(xi)) . x'(xi) = 0, the outward normal n and the shape functions phi of the
+nodes, the contact condition is
 
     n . sum phi_k(xi) u_k <= n . (c - x(xi)) + gap - rho.
 
-Each corner has two points, of that facet and of the one behind the nearer vertex where the body is
-concave there: the outside of a dent is the intersection of two half-planes.  Nodes beside
-the foot whose direction is not that of the facet would see the side of the foundation prolonged
-into the body: their points are left out.  Points that are left out, and those of corners without a
-foot, are alone: nothing acts at them, so that the number of points is that of the corners.
+Each corner has two points: on that facet, and, where the body is concave at the nearer vertex, on
+the facet behind it, as the outside of a dent is the intersection of two half-planes.  Nodes next to
+the foot whose contact direction differs from that of the facet would wrongly meet the side of the
+foundation prolonged into the body, so their points are left out.  Points that are left out, and
+those of corners without a foot, are marked ``alone``: nothing acts on them.  So the number of
+points depends on the number of corners only.
 """
 
 from __future__ import annotations
@@ -46,9 +47,13 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class BoundaryLine:
-    """The m facets of a contact boundary in the plane, of all ranks, in order along it with the
-    body on their left: the p + 1 nodes of each, global numbers, shape (m, p + 1), and their
-    positions ``x``, and those of the undeformed body, lengths, shape (m, p + 1, 2).
+    """The m facets of a 2D contact boundary, of all ranks, in order along it with the body on their
+    left.
+
+    Attributes:
+        nodes: global numbers of the p + 1 nodes of each facet, shape (m, p + 1).
+        x: their present positions, length, shape (m, p + 1, 2).
+        initial: their positions in the undeformed body, length, shape (m, p + 1, 2).
     """
 
     nodes: Ints
@@ -59,10 +64,11 @@ class BoundaryLine:
     def of(
         cls, space: fem.FunctionSpace, facets: Indices, displacement: Array | None
     ) -> BoundaryLine:
-        """Return the line of owned facets of this rank and those of the others; None: none;
-        collective.
+        """Return the line through the owned facets of all ranks; collective.
 
-        ``displacement``: of the nodes of this rank, ghosts included, length, shape (nodes, d).
+        ``displacement``: displacement of the nodes of this rank, ghosts included, length, shape
+        (nodes,
+            d); None: zero.
         """
         comm = space.mesh.comm
         dim = space.mesh.geometry.dim
@@ -88,7 +94,7 @@ class BoundaryLine:
         return np.linalg.norm(self.x[:, -1] - self.x[:, 0], axis=1)
 
     def behind(self, facet: int, *, last: bool) -> int | None:
-        """Return the facet behind the last vertex of a facet, or before the first; None if there is
+        """Return the facet that follows a facet (``last``) or precedes it; None if there is
         none.
         """
         begins, at = (0, -1) if last else (-1, 0)
@@ -96,22 +102,22 @@ class BoundaryLine:
         return int(found[0]) if found.size else None
 
     def place(self, facet: int, xi: float) -> tuple[Array, Array, Array]:
-        """Return the functions of the nodes at a place along a facet, 0 to 1, shape (p + 1,), and
-        position and derivative by it, length, shape (2,).
+        """Return the shape functions at a coordinate along a facet, 0 to 1, shape (p + 1,), the
+        position there, and its derivative, length, shape (2,).
         """
         phi, slope, _ = _functions(self.nodes.shape[1] - 1, xi)
         return phi, phi @ self.x[facet], slope @ self.x[facet]
 
     def normal(self, facet: int, xi: float) -> Array:
-        """Return the outward unit normal, shape (2,)."""
+        """Return the outward unit normal at a coordinate along a facet, shape (2,)."""
         _, _, along = self.place(facet, xi)
         return np.array([along[1], -along[0]]) / np.linalg.norm(along)
 
     def foot(self, facet: int, c: Array, xi: float) -> float:
-        """Return the place along a facet, or on its tangent beyond it, where c is straight above
-        it.
+        """Return the coordinate of the orthogonal projection of c onto a facet, or onto its tangent
+        beyond the ends, by Newton's method.
 
-        ``xi``: near.
+        ``xi``: initial guess.
         """
         for _ in range(MANY_STEPS):
             _, _, bend = _functions(self.nodes.shape[1] - 1, xi)
@@ -124,8 +130,8 @@ class BoundaryLine:
         return xi
 
     def nearest(self, c: Array) -> tuple[int, float]:
-        """Return the facet that is closest to c, the first of several, and a place along it near
-        that.
+        """Return the facet closest to c, the first one if several are, and an approximate
+        coordinate of the closest point on it.
         """
         begin = self.x[:, :-1]
         along = np.diff(self.x, axis=1)
@@ -140,10 +146,16 @@ class BoundaryLine:
 
 @dataclass(frozen=True)
 class CornerFeet:
-    """Feet of the k corners of a foundation: of two points each the ``facet`` of the line, the
-    place ``xi`` along it, and whether it is ``alone``, shapes (k, 2); the global numbers of the
-    nodes ``beside`` feet, and of those that feet are ``on``; the ``first`` point of each corner, 0
-    or 1, that of the closest facet, -1: it has no foot, shape (k,).
+    """Feet of the k corners of a foundation, with two points each.
+
+    Attributes:
+        facet: the facet of the line on which each point is, shape (k, 2).
+        xi: the coordinate along this facet, shape (k, 2).
+        alone: whether nothing acts on the point, shape (k, 2).
+        beside: global numbers of the nodes of the facets with feet.
+        on: global numbers of the nodes that coincide with a foot.
+        first: which of the two points of each corner, 0 or 1, is on the closest facet; -1: the
+            corner has no foot, shape (k,).
     """
 
     facet: Ints
@@ -202,9 +214,10 @@ class CornerFeet:
         )
 
     def rows(self, line: BoundaryLine, corners: Corners) -> tuple[Array, Ints, Array, Array, Array]:
-        """Return of each of the 2 k points the functions of the nodes and these, shapes (2 k, p +
-        1), the normal at the foot, shape (2 k, 2), the gap without what is given, and the tangent
-        of the angle between the facet and the nearer side, shapes (2 k,).
+        """Return data of the 2 k points: shape functions and numbers of the nodes, shapes (2 k, p +
+        1), the normal at the foot, shape (2 k, 2), and, with shape (2 k,), the gap without the
+        prescribed part and the tangent of the angle between the facet and the nearer side of the
+        corner.
         """
         facet = self.facet.ravel()
         xi = self.xi.ravel()
@@ -220,10 +233,12 @@ class CornerFeet:
         return phi, line.nodes[facet], normal, opening, np.sqrt(1.0 - nearer**2) / nearer
 
     def stiffness(self, line: BoundaryLine, corners: Corners, forces: Array) -> JointStiffness:
-        """Return what normal forces at the points, shape (2 k,), add to the tangent as facets turn
-        under the corners: minus the force times the second variation of the gap g, which is (a .
-        x)(n . x' + kappa xi) / m^2 - (n . x') xi with the variation of the foot xi = (g n . x' - a
-        . x) / (m^2 - g kappa), the derivative a of the facet, m = |a|, and kappa = n . x''.
+        """Return the stiffness that normal forces at the points, shape (2 k,), add to the tangent
+        as facets rotate under the corners.
+
+        It is minus the force times the second variation of the gap g, which is (a . x)(n . x' +
+        kappa xi) / m^2 - (n . x') xi with the variation of the foot xi = (g n . x' - a . x) / (m^2
+        - g kappa), the derivative a of the facet, m = |a|, and kappa = n . x''.
         """
         nodes = []
         pieces = []
@@ -251,11 +266,10 @@ class CornerFeet:
         return JointStiffness(every, sp.csr_array(matrix))
 
     def slips(self, line: BoundaryLine, places: Array) -> Array:
-        """Return how far the points of the body that these feet are on have moved from under the
-        corners, which are at ``places`` now, shape (k, 2), length, shape (2 k, 2); zero of corners
-        without a foot.
+        """Return the displacements of the body points under these feet relative to the corners,
+        length, shape (2 k, 2); zero for corners without a foot.
 
-        ``line``: of now.
+        ``line``: the present line; ``places``: the present positions of the corners, shape (k, 2).
         """
         moved = np.zeros((len(places), 2))
         for k, slot in enumerate(self.first):
@@ -265,8 +279,10 @@ class CornerFeet:
         return np.repeat(moved, 2, axis=0)
 
     def left_out(self, line: BoundaryLine, nodes: Ints, direction: Array) -> Flags:
-        """Return which nodes, global numbers, lose their points, whose direction of contact is
-        given, shapes (n,) and (n, 2).
+        """Return the flags of nodes whose points are left out, shape (n,).
+
+        ``nodes``: global numbers, shape (n,); ``direction``: their contact directions, shape (n,
+        2).
         """
         out = np.isin(nodes, self.on)
         for k in np.flatnonzero(np.isin(nodes, self.beside) & ~out):
@@ -288,11 +304,12 @@ def with_corners(
     factor: Array | None,
     reach: float,
 ) -> ContactBoundary:
-    """Return the points of a foundation with those of its corners, which one rank has; collective.
+    """Return the points of a foundation together with those of its corners, which a single rank
+    owns; collective.
 
-    ``fixed``: which owned dofs are prescribed, shape (owned dofs,).
-    ``factor``: of the surface measure at the nodes of this rank.
-    ``reach``: the gap of points that are alone, length.
+    ``fixed``: flags of the owned dofs that are prescribed, shape (owned dofs,). ``factor``: factor
+    of the surface measure at the nodes of this rank. ``reach``: the gap assigned to points that are
+    alone, length.
     """
     comm = part.comm
     dim = part.x.shape[1]
@@ -354,9 +371,9 @@ def with_corners(
 
 
 def _functions(degree: int, xi: float) -> tuple[Array, Array, Array]:
-    """Return the Lagrange functions of a facet at a place from 0 to 1 and their first two
-    derivatives, nodes in order along it, shapes (p + 1,); beyond both ends they go on along their
-    tangents.
+    """Return the Lagrange functions of a facet at a coordinate from 0 to 1 and their first two
+    derivatives, nodes in order along the facet, shapes (p + 1,); beyond the ends they continue
+    linearly.
     """
     if degree == 1:
         return np.array([1.0 - xi, xi]), np.array([-1.0, 1.0]), np.zeros(2)
@@ -368,7 +385,7 @@ def _functions(degree: int, xi: float) -> tuple[Array, Array, Array]:
 
 
 def _in_order(nodes: Ints, rows: Array) -> Sequence[int]:
-    """Facets one behind the other, the pieces of the boundary in the order of their places."""
+    """Return the facets in order along the boundary; its pieces are sorted by their positions."""
     behind = {int(first): k for k, first in enumerate(nodes[:, 0])}
     follows = np.isin(nodes[:, 0], nodes[:, -1])
     begins = np.lexsort((*rows.T[::-1], follows)).tolist()

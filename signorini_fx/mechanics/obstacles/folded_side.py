@@ -1,8 +1,8 @@
-"""A boundary that touches itself: a pair of two parts of it, which are chosen as each step begins,
+"""A boundary that touches itself: a pair of two of its parts, chosen at the beginning of each step,
 see ``pairs.colours``.
 
-All of its nodes are contact points.  Those that are not on the part with points have no partner, so
-that points, and what is set up for them, are the same in all steps.
+All nodes of the boundary are contact points.  Those outside the part with points have no partner,
+so that the points, and the data set up for them, are the same in all steps.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from signorini_fx.mechanics.state import Field, State
 
 
 class FoldedSide(MovingPair):
-    """A side that may touch itself, and where it is.
+    """A side that may touch itself, and its present position.
 
     Attributes:
         whole: the undeformed surface, with the walls behind its facets.
-        side: 1 where facets carry points, -1 where they are the other side, else 0, shape (f,).
-        name: of the field of a state that has it at nodes.
-        changed: how many facets were on the other side in the step before.
+        side: 1 where facets carry points, -1 where they are opposite, else 0, shape (f,).
+        name: name of the field of a state that stores the side at nodes.
+        changed: how many facets were on the other side in the previous step.
     """
 
     side: Ints
@@ -52,7 +52,9 @@ class FoldedSide(MovingPair):
         super().__init__(sides, reach)
 
     def settle(self, state: State) -> None:
-        """Choose both sides where a step begins, from those of the last one; collective."""
+        """Choose both sides at the beginning of a step, from those of the previous one;
+        collective.
+        """
         space = self.sides.space
         owned = space.dofmap.index_map.size_local
         displacement = state.displacement.reshape(-1, self.whole.dimension)[:owned]
@@ -79,7 +81,7 @@ class FoldedSide(MovingPair):
         super().settle(state)
 
     def remembered(self) -> dict[str, Field]:
-        """Return on which side the nodes of this rank are, 0: on none."""
+        """Return the side of the nodes of this rank: 1 with points, -1 opposite, 0 neither."""
         index_map = self.sides.space.dofmap.index_map
         count = index_map.size_local + index_map.num_ghosts
         names = index_map.local_to_global(np.arange(count, dtype=np.int32))
@@ -90,7 +92,7 @@ class FoldedSide(MovingPair):
         return {self.name: Field("nodes", of_nodes)}
 
     def in_words(self, state: ContactState) -> str:
-        """Return where the side touches itself in a state; collective."""
+        """Return a text that states where the side touches itself; collective."""
         own = state.boundary.part == self.sides.index
         forces = (state.boundary.weight * state.pressure)[own]
         count, force = parallel.global_sum(

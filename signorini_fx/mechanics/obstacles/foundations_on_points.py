@@ -62,10 +62,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShapeDistances:
-    """What decides about the contact points of one foundation, at all nodes of this rank, nan where
-    it is not: the ``factor`` of the surface measure, shape (nodes,), None: 1; the ``direction`` n,
-    of length one, shape (nodes, d),
-    None: the outward normal; the ``axes`` of its friction, None: it has no direction.
+    """Properties of one foundation that determine its contact points, at all nodes of this rank,
+    nan where it has no facet.
+
+    Attributes:
+        factor: factor of the surface measure, shape (nodes,); None: 1.
+        direction: contact direction n, of length one, shape (nodes, d); None: the outward normal.
+        axes: the axes of anisotropic friction; None: friction has no axes.
     """
 
     factor: Array | None
@@ -75,8 +78,8 @@ class ShapeDistances:
 
 @dataclass(frozen=True)
 class FoundationData:
-    """What one foundation says at all nodes of this rank: direction and measure, its law of
-    friction, None: none, and the gap d, length, nan where no facet is.
+    """The nodal values of one foundation on this rank: its shape data, its friction law, None if it
+    has none, and the gap d, length, nan where it has no facet.
     """
 
     shape: ShapeDistances
@@ -85,12 +88,14 @@ class FoundationData:
 
 
 class Foundations:
-    """Several foundations, and pairs, whose slave sides have the points, on one space; all methods
-    are collective.
+    """The foundations and pairs of a problem on one space; the slave side of a pair carries its
+    points.
 
-    ``facets`` are those of each foundation or slave, owned, local numbers; ``names`` are those in
-    its form; ``masters`` are facets of the other side of each pair, by its number among the
-    contacts.
+    All methods are collective.
+
+    ``facets``: the facets of each foundation or slave, owned, local numbers; ``names``: the
+    boundary name of each contact; ``masters``: the facets of the opposite side of each pair, by its
+    number among the contacts.
     """
 
     def __init__(
@@ -115,7 +120,7 @@ class Foundations:
         self._distances = self._shaped()
 
     def _shaped(self) -> dict[int, Distance]:
-        """Return the distances from foundations that have shapes, by their numbers."""
+        """Return the distance functions of foundations that have a shape, by their numbers."""
         distances = {}
         problems = list[tuple[str, str]]()
         for k, contact in enumerate(self._contact):
@@ -145,12 +150,12 @@ class Foundations:
         return distances
 
     def _refuse(self, path: str, fault: str) -> None:
-        """Raise an error on all ranks if any of them has a fault."""
+        """Raise a FormError on all ranks if any rank has a fault; "" means none."""
         parallel.raise_together(self._space.mesh.comm, FormError.at(path, fault) if fault else None)
 
     @cached_property
     def _length(self) -> float:
-        """The size of the body; collective."""
+        """The size of the body: the diagonal of its bounding box, length; collective."""
         mesh = self._space.mesh
         bounds = parallel.global_bounds(
             mesh.comm, mesh.geometry.x[:, : self._dimension].astype(np.float64)
@@ -159,25 +164,27 @@ class Foundations:
 
     @property
     def driven(self) -> list[Shape | None]:
-        """The shape of each contact that forces move; None: it stands still."""
+        """The shape of each contact whose rigid body has unknown motion (moved by forces); None for
+        others.
+        """
         shapes = map(self.placed_shape, range(len(self._contact)))
         return [shape if isinstance(shape, Shape) and shape.driven else None for shape in shapes]
 
     def placed_shape(self, number: int) -> SignedDistance | None:
-        """Return the shape of a contact where it is, or None if it has none."""
+        """Return the shape of a contact at its present place; None if it has none."""
         return getattr(self._distances.get(number), "shape", None)
 
     @property
     def rigid_bodies(self) -> RigidBodies:
-        """Return the rigid bodies that forces move."""
+        """The rigid bodies that forces move."""
         bodies = rigid_bodies(self.driven, self._names)
         return RigidBodies(bodies, CARTESIAN[self._dimension], self._length if bodies else 1.0)
 
     def check_driven(self) -> None:
-        """Refuse what foundations that forces move are not possible with, and bonds to others.
+        """Check foundations that forces move, and bonds, for combinations that are not supported.
 
         Raises:
-            FormError: there is something.
+            FormError: a combination is not supported.
         """
         problems = []
         for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
@@ -206,14 +213,16 @@ class Foundations:
             raise FormError(problems)
 
     def measured(self, shape: SignedDistance) -> bool:
-        """Return whether forces may move a shape where the contact has a measure."""
+        """Return whether a force may move this shape although its contact has a measure; here
+        never.
+        """
         return False
 
     def place(self, number: int, placement: Mapping[str, Any]) -> None:
-        """Turn and move the shape of a foundation from where it is initially.
+        """Place the shape of a foundation anew: rotation and shift count from its initial place.
 
         Raises:
-            FormError: it has no shape that can be placed, or the placement is wrong.
+            FormError: the foundation has no shape that can be placed, or the placement is invalid.
         """
         path = f"contact[{number}].shape"
         shape = self.placed_shape(number)
@@ -244,12 +253,12 @@ class Foundations:
         self._put(number, moved)
 
     def _put(self, number: int, distance: Distance) -> None:
-        """Give a contact this distance."""
+        """Replace the distance function of a contact."""
         self._distances[number] = distance
 
     @property
     def placed_shapes(self) -> list[PlacedShape]:
-        """The shapes of foundations where they are."""
+        """The shapes of all foundations that are not bonded, at their present place."""
         return [
             PlacedShape(f"contact[{k}].shape", k, at.shape, self._contact[k].gap)
             for k, at in self._distances.items()
@@ -257,23 +266,25 @@ class Foundations:
         ]
 
     def change(self, number: int, **values: Any) -> None:
-        """Another gap or friction law of a contact that has one."""
+        """Replace the gap or the friction law of a contact."""
         contact = list(self._contact)
         contact[number] = replace(contact[number], **values)
         self._contact = contact
 
     @property
     def placed(self) -> tuple[Placement | None, ...]:
-        """How the shape of each contact is shifted and turned, or None if it has none that can
-        be.
+        """The present shift and rotation of the shape of each contact; None if it cannot be
+        placed.
         """
         return tuple(
             getattr(self.placed_shape(k), "placement", None) for k in range(len(self._contact))
         )
 
     def moved_shapes(self, placed: Sequence[Placement | None]) -> dict[int, tuple[Shape, Shape]]:
-        """Return the shapes that are not placed as they were, with these as they were, by their
-        numbers.
+        """Return the shapes whose placement has changed, by their numbers, each with its earlier
+        version.
+
+        ``placed``: the earlier placements.
         """
         shapes = map(self.placed_shape, range(len(placed)))
         moved = {}
@@ -285,8 +296,8 @@ class Foundations:
         return moved
 
     def moved(self, boundary: ContactBoundary, placed: Sequence[Placement | None]) -> Array | None:
-        """Return how far shapes have moved at the points since they were ``placed``, shape (n, d);
-        None if they have not.
+        """Return the displacements of shapes, except those that forces move, at the contact points
+        since the placements ``placed``, length, shape (n, d); None if no shape has moved.
         """
         driven = self.driven
         moved = {k: shapes for k, shapes in self.moved_shapes(placed).items() if not driven[k]}
@@ -300,8 +311,8 @@ class Foundations:
 
     @cached_property
     def forms(self) -> list[tuple[fem.Form | None, fem.Function | None]]:
-        """The unit contact form of each foundation, and the factor of the measure in it; of pairs
-        and averages None.
+        """The unit contact form of each foundation and the function of the measure in it; (None,
+        None) for pairs and averaged displacements.
         """
         forms = list[tuple[fem.Form | None, fem.Function | None]]()
         for contact, facets in zip(self._contact, self.facets, strict=True):
@@ -328,10 +339,10 @@ class Foundations:
         return np.where(factor <= SAME_NUMBER * largest, 0.0, factor)  # round-off is zero
 
     def shapes(self) -> list[ShapeDistances]:
-        """Return what decides about the points, as it is now.
+        """Return the present directions, measures and friction axes of all contacts.
 
         Raises:
-            FormError: a direction or a measure is wrong somewhere.
+            FormError: a direction or a measure is invalid somewhere.
         """
         shapes = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
@@ -359,11 +370,12 @@ class Foundations:
         at_rest: Flags,
         turned: TurnedNodes | None = None,
     ) -> ContactBoundary:
-        """Weights, frames and positions of the points.
+        """Return the contact points: weights, frames and positions.
 
-        ``fixed``: which owned dofs are prescribed, shape (owned dofs,), at nodes that are
-            ``turned`` in their frames.
-        ``at_rest``: see there, ghosts may be included.
+        ``fixed``: flags of the owned dofs that are prescribed, shape (owned dofs,); at ``turned``
+        nodes in
+            their own frames.
+        ``at_rest``: see the method ``at_rest``; ghosts may be included.
         """
         parts = []
         for k, shape in enumerate(shapes):
@@ -382,8 +394,9 @@ class Foundations:
     def points(
         self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
     ) -> ContactBoundary:
-        """Return the points with rigid bodies, ghosts included in which dofs are prescribed to
-        what.
+        """Return the contact points with the unknowns of rigid bodies.
+
+        ``fixed``, ``values``: which dofs are prescribed, and to which values, ghosts included.
         """
         owned = self._space.dofmap.index_map.size_local * self._dimension
         return self.rigid_bodies.on(
@@ -397,7 +410,7 @@ class Foundations:
         fixed: Flags,
         turned: TurnedNodes | None,
     ) -> ContactBoundary:
-        """Return the points of a rigid foundation."""
+        """Return the contact points of a rigid foundation."""
         space = self._space
         facets = self.facets[number]
         form, function = self.forms[number]
@@ -439,7 +452,9 @@ class Foundations:
         fixed: Flags,
         turned: TurnedNodes | None,
     ) -> ContactBoundary:
-        """Return the points of a rigid foundation with those of its corners; collective."""
+        """Return the contact points of a rigid foundation, including those at its corners;
+        collective.
+        """
         corners = self.corners_of(number)
         if corners is None or turned is not None:
             return part
@@ -455,15 +470,17 @@ class Foundations:
 
     @property
     def displacement(self) -> Array | None:
-        """Return the displacement of the nodes of this rank at which corners are projected, length,
-        shape (nodes, d); None if the body is not displaced.
+        """The displacement at which corners are projected onto the body, at the nodes of this rank,
+        length, shape (nodes, d); None: undeformed.
         """
         return None
 
     def corners_of(self, number: int) -> Corners | None:
-        """Return the corners of a foundation in the plane that have contact points, or None if
-        there are none, as where a bound of friction is a stress, which a corner has no area for, or
-        where forces move the foundation; collective.
+        """Return the corners of a 2D foundation that get contact points, or None; collective.
+
+        There are none if the contact is bonded or bilateral, if forces move the foundation, if
+        friction is not proportional to pressure alone (a corner has no area for a bound on stress),
+        or if the boundary is on several pieces of the mesh.
         """
         contact = self._contact[number]
         if self._space.mesh.topology.dim != 2:
@@ -484,20 +501,22 @@ class Foundations:
 
     @cached_property
     def _on_pieces(self) -> list[int]:
-        """Return on how many pieces of the mesh each contact boundary is; collective."""
+        """The number of connected pieces of the mesh on which each contact boundary lies;
+        collective.
+        """
         mesh = self._space.mesh
         of_cell = find_pieces(mesh).of_cell
         found = [of_cell[facet_cells(mesh, facets), None] for facets in self.facets]
         return [np.unique(parallel.gather_rows(mesh.comm, pieces)).size for pieces in found]
 
     def at_rest(self, fixed: Flags, values: Array) -> Flags:
-        """Return which dofs are prescribed to be zero, if pairs are there, which alone take notice
-        of it.
+        """Return the flags of dofs that are prescribed to be zero; all False without pairs, which
+        alone use them.
         """
         return fixed & (values == 0) & bool(self._masters)
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
-        """Return the points of a pair.
+        """Return the contact points of a pair.
 
         ``known``: the further arguments of ``facing``.
         """
@@ -517,8 +536,9 @@ class Foundations:
         turned: TurnedNodes | None,
         at_rest: Flags,
     ) -> FacingSides:
-        """Return both sides of a pair before they are paired, with the factor of its measure, see
-        ``boundary``.
+        """Return both sides of a contact before they are paired.
+
+        ``factor``: factor of its measure; for the other arguments see ``boundary``.
         """
         from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 
@@ -533,16 +553,16 @@ class Foundations:
         return FacingSides.of(self._space, sides, number, flags, taken, turned, rests, factor)
 
     def given_gap(self, number: int) -> Array:
-        """Return what the user gives of the gap of one contact, at all nodes of this rank;
-        collective.
+        """Return the gap that the user prescribes for one contact, length, at all nodes of this
+        rank; collective.
         """
         contact = self._contact[number]
         given = 0.0 if contact.bonded else contact.gap
         return self._values[number](given, f"contact[{number}].gap")
 
     def _gap_of(self, number: int) -> Array:
-        """Return the gap of one contact at the nodes; what the sides of a pair say points alone
-        have.
+        """Return the gap of one contact at the nodes, length: prescribed value plus distance from
+        the shape or the opposite side; the latter only at nodes with points.
         """
         contact = self._contact[number]
         gap = self.given_gap(number)
@@ -566,8 +586,11 @@ class Foundations:
         return BodyCells.of(self._space)
 
     def _distance_of(self, number: int) -> Array:
-        """Return the signed distance from the shape of one contact at all nodes of this rank;
-        collective.
+        """Return the signed distance from the shape of one contact, length, at all nodes of this
+        rank; collective.
+
+        Raises:
+            FormError: the body lies inside the foundation, or the foundation inside the body.
         """
         comm = self._space.mesh.comm
         distance = self._distances[number]
@@ -596,17 +619,17 @@ class Foundations:
 
     @property
     def pairs(self) -> dict[int, PairedSides]:
-        """Return both sides of each pair by its number among the contacts, once ``boundary`` has
-        paired them.
+        """Both sides of each pair, by its number among the contacts, once ``boundary`` has paired
+        them.
         """
         return dict(self._pairs)
 
     def friction(self) -> list[FrictionLaw | None]:
-        """Return the laws of friction with their values at all nodes of this rank, as they are now;
-        None if there is none.
+        """Return the friction laws with their present values at all nodes of this rank; None for
+        contacts without friction.
 
         Raises:
-            FormError: a value is wrong somewhere.
+            FormError: a value is invalid somewhere.
         """
         laws = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
@@ -623,10 +646,10 @@ class Foundations:
         return laws
 
     def data(self, shapes: Sequence[ShapeDistances]) -> list[FoundationData]:
-        """Return gaps and friction, as they are now.
+        """Return the present gaps and friction laws of all contacts.
 
         Raises:
-            FormError: a value is wrong somewhere.
+            FormError: a value is invalid somewhere.
         """
         laws = self.friction()
         return [FoundationData(shape, laws[k], self._gap_of(k)) for k, shape in enumerate(shapes)]
@@ -638,8 +661,8 @@ class Foundations:
         settings: SolverSettings,
         scales: Scales[float],
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """Return the regularised problem without shifts at the points, and its friction law; None
-        where no law can act.
+        """Return the regularised contact problem at the points, without shifts, and its friction
+        law; the law is None where friction cannot act.
         """
         law = self.law(boundary, scales.modulus, [entry.law for entry in data])
         closed = [
@@ -668,8 +691,8 @@ class Foundations:
         return RegularisedData.unshifted(gap, *of_method, *points), law
 
     def alone(self, boundary: ContactBoundary) -> Flags:
-        """Return which points do not see the other side, shape (n,): nothing holds them, without
-        pressure or with.
+        """Return the flags of points without a partner, shape (n,), on which no contact or friction
+        acts.
         """
         corners = boundary.corners
         return np.zeros(boundary.size, dtype=bool) if corners is None else corners.alone.copy()
@@ -680,14 +703,14 @@ class Foundations:
         modulus: float,
         friction: Sequence[FrictionLaw | None] | None = None,
     ) -> PointFriction | None:
-        """Return the friction at the points, where these cannot move along their normal without
-        pressure; None where none can act.
+        """Return the friction law at the points, for points that cannot move along their normal
+        without pressure; None if no friction can act.
 
-        ``modulus``: of the body, stress, up to which pressures are tried.
-        ``friction``: None: as it is now.
+        ``modulus``: modulus of the body, stress: laws are tested for pressures up to it.
+        ``friction``: the laws of the contacts; None: the present ones.
 
         Raises:
-            FormError: a law is not what it says.
+            FormError: a user's law violates its protocol.
         """
         if not any(entry.bonded or entry.friction is not None for entry in self._contact):
             return None
@@ -710,10 +733,10 @@ class Foundations:
         return replace(together.without_points(self.alone(boundary)), dt=self.dt)
 
     def without_times(self) -> None:
-        """Begin a step that has no duration.
+        """Set the duration of the step to none.
 
         Raises:
-            FormError: a law follows the slip.
+            FormError: a friction law depends on the slip, whose rate needs a duration.
         """
         self.dt = 0.0
         reason = (

@@ -1,5 +1,5 @@
-"""The contact points of a pair of bodies: both sides as surfaces for ``pairs``, and the map of both
-as a boundary, once for all or at the displacement of now.
+"""The contact points of a pair of bodies: both sides as surfaces for ``pairs``, and their map as a
+boundary, made once or renewed at the present displacement.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_
 
 @dataclass(frozen=True)
 class PairedSide:
-    """Facets of the body as a surface, the same on every rank but for ``facets``.
+    """Facets of the body as a surface that is the same on every rank, except for ``facets``.
 
     ``nodes``: global number of each node of the ``surface`` in the space, ascending, shape (N,);
-    ``facets``: those of this rank, local numbers.
+    ``facets``: the facets of this rank, local numbers.
     """
 
     surface: PairSurface
@@ -62,9 +62,11 @@ class PairedSide:
 
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: Indices, factor: Array | None) -> PairedSide:
-        """Return the side of these facets of all ranks, with a factor of the measure at all nodes
-        of this rank, shape (nodes,), None: 1; collective. Positions interpolate those of the nodes
-        of the displacement.
+        """Return the side that consists of these facets of all ranks; collective.
+
+        Positions are interpolated at the nodes of the displacement.
+
+        ``factor``: factor of the measure at all nodes of this rank, shape (nodes,); None: 1.
         """
         mesh = space.mesh
         dim = space.mesh.topology.dim
@@ -93,12 +95,12 @@ class PairedSide:
         return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
 
     def owned(self, space: fem.FunctionSpace) -> Flags:
-        """Return which of its nodes this rank owns, shape (N,)."""
+        """Return the flags of the side's nodes that this rank owns, shape (N,)."""
         first, last = space.dofmap.index_map.local_range
         return (self.nodes >= first) & (self.nodes < last)
 
     def sharing(self, space: fem.FunctionSpace) -> Sharing:
-        """Return how the ranks share a pair of which it is the slave; collective."""
+        """Return the division between the ranks of a pair whose slave is this side; collective."""
         comm = space.mesh.comm
         if comm.size == 1:
             return ALONE
@@ -113,14 +115,17 @@ def averaged_points(
     fixed: Flags,
     gap: Array,
 ) -> tuple[tuple[Indices, Array, Array], Averages]:
-    """Return the points of a rigid foundation on a side whose displacements are averaged: local
-    numbers of their nodes, weights and normals, and how they average, see ``averages``; collective.
+    """Return the points of a rigid foundation on a side whose displacements are averaged;
+    collective.
+
+    Returns the local numbers of their nodes, weights and normals, and the averages, see
+    ``averages``.
 
     Args:
-        space: of the displacements.
-        facets: of the side, those of this rank.
-        factor: of the measure, see ``PairedSide.of``.
-        fixed: which owned dofs are prescribed.
+        space: the space of displacements.
+        facets: the facets of the side on this rank.
+        factor: factor of the measure, see ``PairedSide.of``.
+        fixed: flags of the owned dofs that are prescribed.
         gap: at all nodes of this rank, length, shape (nodes,).
     """
     comm = space.mesh.comm
@@ -157,9 +162,13 @@ def averaged_points(
 
 
 def held_along(normal: Array, frames: Array, fixed: Flags) -> Flags:
-    """Return which nodes supports hold along their normals, zero where there is none, shape (n, d):
-    no component that is free, not ``fixed``, in their frames, one direction per column, shape (n,
-    d, d), has any of it; shape (n,).
+    """Return the flags of nodes that supports hold along their normals, shape (n,): the normal has
+    no component along a free direction.
+
+    Args:
+        normal: unit normals, shape (n, d); zero where a node has none, which counts as not held.
+        frames: directions of the supports at each node, one per column, shape (n, d, d).
+        fixed: which of these directions are prescribed, shape (n, d).
     """
     sizes = np.abs(rmatvec(frames, normal))
     return (np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
@@ -171,18 +180,23 @@ def mirrored(
     at_rest: tuple[Array, Flags],
     opposite: tuple[Array, Flags],
 ) -> Array:
-    """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N,
-    d, d), from a frame at each node of the slave, one direction per column, shape (N, d, d), and
-    along which of them supports hold it where it is, shape (N, d), and the same of the master.
+    """Return projectors onto the normals of planes of symmetry at the nodes of the slave, shape (N,
+    d, d).
 
-    Supports hold both bodies across such a plane, beyond which no side goes on; it may be an axis
-    of revolution.
-    The function of a point on it is even across it, the relative displacement across it is odd:
-    their product integrates to zero, but not over one half.  So there such a point has no relative
-    displacement across the plane, and no traction, and its normal, the mean of those on both
-    halves, is in the plane. (Multipliers where Dirichlet conditions meet a mortar interface:
-    Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012; Puso and Laursen, Comput. Methods Appl. Mech.
-    Engrg. 193 (2004) 601-629.)
+    A plane of symmetry, or an axis of revolution, is recognised where supports hold both bodies
+    across it and neither side extends beyond.  The function of a point on it is even across it, the
+    relative displacement across it is odd: their product integrates to zero over both halves, but
+    not over one. So the point has no relative displacement and no traction across the plane, and
+    its normal, the mean of those on both halves, is in the plane.  (Multipliers where Dirichlet
+    conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012; Puso and
+    Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
+
+    Args:
+        slave: the side with the contact points.
+        master: the opposite side.
+        at_rest: a frame at each slave node, one direction per column, shape (N, d, d), and along
+            which of these directions supports hold the node at zero, shape (N, d).
+        opposite: the same for the nodes of the master.
     """
     frames, held = at_rest
     axes, master_held = opposite
@@ -220,17 +234,17 @@ def mirrored(
 
 @dataclass(frozen=True)
 class FacingSides:
-    """The two sides of a pair, undeformed and the same on every rank, and the displacements that
-    supports prescribe there.
+    """The two sides of a pair, undeformed and the same on every rank, and the displacement
+    components that supports prescribe there.
 
     Attributes:
-        space: the displacements.
-        index: of the pair among the contacts.
+        space: the space of displacements.
+        index: number of the pair among the contacts.
         slave: the side with the contact points.
-        master: the other one.
+        master: the opposite side.
         fixed: which components are prescribed at the nodes of both sides, those of the slave first,
             shape (m, d).
-        turned: nodes whose supports are told in their own frames; None: there are none.
+        turned: nodes whose supports are given in rotated frames; None: there are none.
     """
 
     space: fem.FunctionSpace
@@ -252,13 +266,21 @@ class FacingSides:
         at_rest: Flags,
         factor: Array | None,
     ) -> FacingSides:
-        """Two parts of the boundary, the ``facets`` of the slave and of the master, owned, local
-        numbers; a FormError: the sides are curved and the displacement is linear; collective.
+        """Return the two sides of a pair; collective.
 
-        ``fixed``: which displacement components are prescribed at the owned nodes, ``at_rest``:
-            which of them are zero at all times, shapes (owned nodes, d).
-        ``taken``: facets of other contacts, whose nodes carry no points of this one.
-        ``factor``: of the measure, at all nodes of this rank, shape (nodes,), None: 1.
+        Args:
+            space: the space of displacements.
+            facets: facets of the slave and of the master, owned, local numbers.
+            index: number of the pair among the contacts.
+            fixed: which displacement components are prescribed at the owned nodes, shape (owned
+                nodes, d).
+            taken: facets of other contacts, whose nodes carry no points of this one.
+            turned: nodes whose supports are given in rotated frames; None: there are none.
+            at_rest: which components are held at zero at all times, shape (owned nodes, d).
+            factor: factor of the measure at all nodes of this rank, shape (nodes,); None: 1.
+
+        Raises:
+            FormError: the geometry is of higher degree than the displacement.
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError.at(
@@ -311,28 +333,30 @@ class FacingSides:
 
     @property
     def one(self) -> bool:
-        """Return whether it is one surface that may touch itself."""
+        """Whether both sides are one surface that may touch itself."""
         return np.array_equal(self.slave.nodes, self.master.nodes)
 
     @cached_property
     def x(self) -> Array:
-        """Return the undeformed positions of both sides, length, shape (m, d)."""
+        """The undeformed positions of the nodes of both sides, length, shape (m, d)."""
         return np.concatenate((self.slave.surface.x, self.master.surface.x))
 
     def gathered(self, owned: Array) -> Array:
-        """Return rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
+        """Return the rows at the nodes of both sides, shape (m, k), from those of the owned nodes;
+        collective.
+        """
         return from_owners(owned, self.nodes, self.space.mesh.comm)
 
     def displaced_master(self, owned: Array) -> PairSurface:
-        """Return the master at a displacement of the owned nodes, length, shape (owned nodes, d);
-        collective.
+        """Return the master displaced by a displacement of the owned nodes, length, shape (owned
+        nodes, d); collective.
         """
         return self.master.surface.displaced(
             from_owners(owned, self.master.nodes, self.space.mesh.comm)
         )
 
     def local(self, nodes: Ints) -> Indices:
-        """Local numbers of nodes of the slave that this rank owns."""
+        """Return the local numbers of slave nodes that this rank owns."""
         return np.asarray(
             self.slave.nodes[nodes] - self.space.dofmap.index_map.local_range[0], dtype=np.int32
         )
@@ -340,8 +364,8 @@ class FacingSides:
     def points_at(
         self, nodes: Ints, weight: Array, normal: Array, averages: Averages
     ) -> ContactBoundary:
-        """Return the contact points at nodes of the slave that this rank owns; planes of symmetry
-        hold them.
+        """Return the contact points at slave nodes that this rank owns; they are not free across
+        planes of symmetry.
         """
         points = (self.local(nodes), weight, normal)
         facets = self.slave.facets
@@ -354,10 +378,10 @@ class FacingSides:
 
 @dataclass(frozen=True)
 class PairedSides:
-    """The two sides of a pair whose points keep their partners, and what joins them.
+    """The two sides of a pair whose points keep their partners, and their coupling.
 
-    ``followed``: whether the normals are those of the deformed sides, with which distances turn;
-    else it is the coupling that tells how distances turn.
+    ``followed``: whether the normals are those of the deformed sides, and distances rotate with
+    them; else the coupling describes how distances rotate.
     """
 
     sides: FacingSides
@@ -366,7 +390,11 @@ class PairedSides:
 
     @classmethod
     def from_facing(cls, facing: FacingSides, pair: Pair) -> PairedSides:
-        """Pair two sides; a FormError: they do not fit together; collective."""
+        """Pair two sides; collective.
+
+        Raises:
+            FormError: the sides do not fit together.
+        """
         if facing.one:
             reason = (
                 "is the side itself: a surface touches itself where it is that of a nonlinear body "
@@ -387,9 +415,10 @@ class PairedSides:
         return cls(facing, coupling)
 
     def deformed(self, displacement: Array) -> PairedSides:
-        """Return the same points and partners as those of undeformed sides, with normals that
-        rotate as those of the master do at the partners; collective. ``displacement``: of the owned
-        nodes, length, shape (owned nodes, d).
+        """Return the same points and partners, with normals rotated as the master rotates at the
+        partners; collective.
+
+        ``displacement``: displacement of the owned nodes, length, shape (owned nodes, d).
         """
         normal = self.coupling.normal
         moved = self.sides.displaced_master(displacement)
@@ -409,11 +438,13 @@ class PairedSides:
         return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
     def stiffness(self, state: ContactState, displacement: Array) -> JointStiffness:
-        """Return what displacements of the owned nodes change of the contact forces of a state as
-        normals turn from those of ``deformed``, as if they were opposite to those of the master,
-        which is not symmetric, and its transpose; collective.
+        """Return the change of the contact forces of a state as the normals rotate from those of
+        ``deformed``, made symmetric by adding its transpose; collective.
 
-        Between the vertices of quadratic triangles normals are means, whose turning is left out.
+        The normals are taken as opposite to those of the master.  At the midside nodes of quadratic
+        triangles normals are means, whose rotation is neglected.
+
+        ``displacement``: displacement of the owned nodes, length, shape (owned nodes, d).
         """
         boundary = state.boundary
         sides = self.sides
@@ -443,23 +474,21 @@ class PairedSides:
         return JointStiffness(sides.nodes, sp.csr_array(matrix + matrix.T))
 
     def _at_partners(self, master: PairSurface) -> Array:
-        """Return sums of the normals of the master at the partners of the points; none across
-        planes of symmetry.
+        """Return sums of the master's normals at the partners of the points, without components
+        across planes of symmetry.
         """
         sums = self.coupling.master @ master.directions
         return sums - matvec(self.across, sums)
 
     @property
     def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points, shape (n, d,
-        d).
-        """
+        """Projectors onto the normals of planes of symmetry at the points, shape (n, d, d)."""
         return self.sides.slave.surface.across[self.coupling.nodes]
 
     @cached_property
     def relative(self) -> sp.csr_array:
-        """The relative displacement from that of the nodes of both sides, shape (n d, m d), without
-        what ``mirrored`` leaves out.
+        """The map from the displacements of the nodes of both sides to the relative displacement at
+        the points, without components across planes of symmetry, shape (n d, m d).
         """
         dim = self.sides.slave.surface.dimension
         relative = in_blocks(self.coupling.both, dim)
@@ -491,17 +520,17 @@ class PairedSides:
 
 
 class MovingPair:
-    """The two sides of a pair that slide on each other, and where they are.
+    """The two sides of a pair that slide on each other, and their present position.
 
     Attributes:
-        sides: both, undeformed.
-        reach: distance beyond which facets are no partners, length.
-        points: nodes of the slave that have a point, on any rank, shape (n,).
-        sharing: of the pair between the ranks.
-        displacement: of the nodes of both, length, shape (m, d).
-        coupling: the map there.
-        settled: the displacement where the step begins.
-        begun: the map there.
+        sides: both sides, undeformed.
+        reach: distance beyond which facets are not paired, length.
+        points: slave nodes that have a point, on any rank, shape (n,).
+        sharing: division of the pair between the ranks.
+        displacement: present displacement of the nodes of both sides, length, shape (m, d).
+        coupling: the map at this displacement.
+        settled: the displacement at the beginning of the step.
+        begun: the map at the beginning of the step.
     """
 
     settled: Array
@@ -509,9 +538,9 @@ class MovingPair:
     _known: tuple[SlidingCoupling, ContactBoundary] | None = None  # the last map and its points
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
-        """Two sides, undeformed.
+        """Set up the pair at the undeformed sides.
 
-        ``reach``: None: a default.
+        ``reach``: distance beyond which facets are not paired, length; None: ``default_reach``.
         """
         surface = sides.slave.surface
         name = f"contact[{sides.index}]"
@@ -536,8 +565,11 @@ class MovingPair:
         self.begun = self.coupling
 
     def move(self, owned: Array) -> None:
-        """Renew the map at a displacement of the owned nodes, length, shape (owned nodes, d); a
-        PairingError: a facet sees two sheets of the other side; collective.
+        """Update the map for a displacement of the owned nodes, length, shape (owned nodes, d);
+        collective.
+
+        Raises:
+            PairingError: a facet faces two sheets of the other side.
         """
         displacement = self.sides.gathered(owned)
         if np.array_equal(displacement, self.settled):
@@ -547,7 +579,7 @@ class MovingPair:
         self.displacement = displacement
 
     def settle(self, state: State) -> None:
-        """A step begins at a state, see ``move``; collective."""
+        """Take a state as the beginning of a step, see ``move``; collective."""
         dim = self.displacement.shape[1]
         owned = self.sides.space.dofmap.index_map.size_local
         self.move(state.displacement.reshape(-1, dim)[:owned])
@@ -555,11 +587,11 @@ class MovingPair:
         self.begun = self.coupling
 
     def remembered(self) -> dict[str, Field]:
-        """Return what the next step has to know of both sides beside the displacement."""
+        """Return the fields, besides the displacement, that the next step needs; none here."""
         return {}
 
     def in_words(self, state: ContactState) -> str:
-        """Return what a user is told of both sides in a state; "": nothing; collective."""
+        """Return a text for the user about both sides in a state, "" for none; collective."""
         return ""
 
     def _at(self, displacement: Array) -> SlidingCoupling:
@@ -577,22 +609,20 @@ class MovingPair:
 
     @property
     def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points, shape (n, d,
-        d).
-        """
+        """Projectors onto the normals of planes of symmetry at the points, shape (n, d, d)."""
         return self.sides.slave.surface.across[self.coupling.nodes]
 
     @property
     def _sliding(self) -> Array:
-        """Tangents without what they have across planes of symmetry, as nothing slides there, shape
+        """The tangents without components across planes of symmetry, where nothing slides, shape
         (n, d, d - 1).
         """
         tangents = self.coupling.frames.tangents
         return tangents - np.einsum("nij,njk->nik", self.across, tangents)
 
     def boundary(self) -> ContactBoundary:
-        """Return the contact points of this rank; those without a partner do not move, and those in
-        a plane of symmetry not across it.
+        """Return the contact points of this rank; points without a partner are not free, and points
+        in a plane of symmetry are not free across it.
         """
         if self._known is not None and self._known[0] is self.coupling:
             return self._known[1]
@@ -616,19 +646,19 @@ class MovingPair:
         return self._known[1]
 
     def sliding_along(self, slip: Array) -> Array:
-        """Slips along T_i, shape (n, d - 1), as vectors without what nothing slides along, shape
-        (n, d).
+        """Return slips along T_i, shape (n, d - 1), as vectors without components across planes of
+        symmetry, shape (n, d).
         """
         return matvec(self._sliding, slip)
 
     @property
     def slip(self) -> Array:
-        """The slip of the points since the step has begun, length, shape (n, d - 1)."""
+        """The slip of the points since the beginning of the step, length, shape (n, d - 1)."""
         return self.coupling.slip(self.begun)
 
     @property
     def alone(self) -> Flags:
-        """Which of the points do not see the other side, shape (n,)."""
+        """The flags of the points without a partner, shape (n,)."""
         return ~self.coupling.frames.partnered
 
     @property
@@ -639,15 +669,17 @@ class MovingPair:
 
     @property
     def slip_origin(self) -> Array:
-        """Return the place from which the slip of the points counts, length, shape (n, d)."""
+        """The relative tangential displacement from which the slip of the step is measured, length,
+        shape (n, d).
+        """
         slip = self.slip
         return self.sliding_along(
             (self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape) - slip
         )
 
     def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
-        """Return what the tractions of a state add to the tangent, see ``SlidingCoupling``;
-        collective.
+        """Return the stiffness that the tractions of a state add to the tangent, see
+        ``SlidingCoupling``; collective.
         """
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = matvec(state.boundary.tangents[rows], state.shear[rows])
@@ -659,8 +691,8 @@ class MovingPair:
 
     @property
     def parted(self) -> str:
-        """The place of a point that saw the other side as the step began, if none sees it any more;
-        else ""; collective.
+        """The name of the contact and the place of a point that had a partner when the step began,
+        if no point has one any more; else ""; collective.
         """
         if self.coupling.seen or not self.begun.seen:
             return ""
@@ -673,8 +705,8 @@ class MovingPair:
 
     @property
     def rotation(self) -> Array:
-        """Return the rotation of the frames of the points of this rank since the step began, shape
-        (n, d, d); in 2D none counts.
+        """The rotation of the frames of the points of this rank since the beginning of the step,
+        shape (n, d, d); in 2D the identity.
         """
         if self.displacement.shape[1] == 2:
             return np.eye(2)

@@ -1,11 +1,11 @@
-"""The contact of a scene as foundations and pairs, and which side of a pair carries the contact
-points.
+"""The contacts of a scene as foundations and pairs, and the choice of the side of a pair that
+carries the contact points.
 
-It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer
-one.  On the finer or softer one multipliers resolve what the other side can follow; on a much
-stiffer one the error is larger and Krylov methods converge slowly.  Where a narrow side slides on a
-wide one, points on the wide side lose their partners one by one at its ends, and the iteration
-needs many more solves.
+It is the softer side; if both are equally soft, the one that lies wholly on the other, else the
+finer one.  There the multipliers resolve what the other side can follow; on a much stiffer side the
+error is larger and Krylov methods converge slowly.  Where a narrow side slides on a wide one,
+points on the wide side lose their partners one by one at its ends, and the iteration needs many
+more solves.
 """
 
 from __future__ import annotations
@@ -44,10 +44,13 @@ def foundations_of(
     facets: Sequence[Indices],
     masters: Mapping[int, Indices],
 ) -> list[Foundation | Pair]:
-    """Return the contacts of a scene as foundations, on the facets of each, and as pairs, by their
-    places the masters.
+    """Return the contacts of a scene as foundations and pairs.
 
-    ``kinematics``: of the body.
+    Args:
+        contacts: the contacts of the scene.
+        kinematics: the kinematics of the body.
+        facets: the facets of each contact.
+        masters: the facets of the opposite side, by the number of each pair among the contacts.
     """
     foundations = list[Foundation | Pair]()
     around = None if kinematics.uniform else kinematics.measure_at
@@ -69,8 +72,8 @@ def foundations_of(
 
 
 def hard_foundations(contacts: Sequence[Contact], kinematics: Kinematics) -> list[PlacedShape]:
-    """Return the shapes of the foundations of a scene without those of soft contact, which lets a
-    body into them.
+    """Return the shapes of the foundations of a scene, except bonded ones and those with soft
+    contact, into which a body may penetrate.
     """
     return [
         PlacedShape(f"contact[{k}].foundation", k, shape, effect.gap)
@@ -82,39 +85,46 @@ def hard_foundations(contacts: Sequence[Contact], kinematics: Kinematics) -> lis
 
 
 def shape_at_points(shape: SignedDistance | None, kinematics: Kinematics) -> SignedDistance | None:
-    """Return a shape of a scene as it is asked at points of the body, or None if there is none."""
+    """Return a shape of a scene in the form that is evaluated at points of the body; None if there
+    is none.
+    """
     return shape if shape is None or not kinematics.out_of_section else _ShapeOfSection(shape)
 
 
 @dataclass(frozen=True)
 class _ShapeOfSection:
-    """A shape of the plane for points of a section in 3D, whose displacements have three
-    components.
-    """
+    """A 2D shape for points of a section whose displacements have three components."""
 
     shape: SignedDistance
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """Signed distance and unit normal; the normal has no component out of the section."""
+        """Return signed distance and unit normal; the normal has no component out of the
+        section.
+        """
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
     def corners(self, dimension: int) -> Corners | None:
-        """Return the corners in the plane of the section, see ``Shape.corners``; a shape of a
-        user's own may have none.
+        """Return the corners in the plane of the section, see ``Shape.corners``; None if a user's
+        own shape has none.
         """
         return corners_of(self.shape, dimension)
 
     @property
     def inradius(self) -> float:
-        """Infinite where the shape does not say it."""
+        """The inradius of the shape, length; infinite if the shape does not define it."""
         return float(getattr(self.shape, "inradius", np.inf))
 
 
 @dataclass(frozen=True)
 class SideFigures:
-    """What the choice depends on, of all ranks: the mean shear modulus behind the facets of a side,
-    stress, their mean extent, length, and their vertices, length, shape (n, 3).
+    """The properties of a side, over all ranks, by which the side with the contact points is
+    chosen.
+
+    Attributes:
+        stiffness: the mean shear modulus behind its facets, stress.
+        size: the mean extent of its facets, length.
+        vertices: the vertices of its facets, length, shape (n, 3).
     """
 
     stiffness: float
@@ -143,7 +153,7 @@ class SideFigures:
         return cls(float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
 
     def is_better(self, opposite: SideFigures) -> bool:
-        """Return whether this side should rather carry the points."""
+        """Return whether this side should carry the points rather than the opposite one."""
         softer = opposite.stiffness / self.stiffness
         if not 1 / STIFFER_BODY <= softer <= STIFFER_BODY:
             return softer > 1
@@ -152,7 +162,9 @@ class SideFigures:
         return opposite.size / self.size > COARSER_FACETS
 
     def _lies_on(self, opposite: SideFigures) -> bool:
-        """Return whether all of this side is within a facet of the other one."""
+        """Return whether all vertices of this side are within one facet length of those of the
+        other side.
+        """
         distance, _ = cKDTree(opposite.vertices).query(self.vertices)
         return bool(np.all(distance <= max(self.size, opposite.size)))
 
@@ -160,17 +172,17 @@ class SideFigures:
 def with_chosen_sides(
     statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Coefficient
 ) -> Statement:
-    """Return the scene with ``boundary`` and ``against`` exchanged where the points are on the
-    latter; itself if on none; collective.
+    """Return the scene with ``boundary`` and ``against`` exchanged where the latter carries the
+    points; the same scene if nothing changes; collective.
 
-    With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which
-    were written for ``boundary``, and where other contacts or supports need the facets.
+    With ``points = "auto"`` sides are not exchanged where the gap or the friction are functions,
+    which were written for ``boundary``, or where other contacts or supports need the facets.
 
-    ``facets``: of every boundary that the scene names.
-    ``shear_modulus``: see ``SideFigures.of``.
+    ``facets``: the facets of every boundary that the scene names. ``shear_modulus``: see
+    ``SideFigures.of``.
 
     Raises:
-        SceneError: the points are asked for on facets that another contact needs.
+        SceneError: the requested side shares facets with another contact.
     """
     contacts = list(statement.contact)
     for number, effect in enumerate(statement.contact):
@@ -209,7 +221,7 @@ def with_chosen_sides(
 def _sharing(
     name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets
 ) -> str | None:
-    """Return the first of some boundaries that shares facets with one, or None if none does;
+    """Return the first of some boundaries that shares facets with the boundary ``name``, or None;
     collective.
     """
     for boundary in boundaries:

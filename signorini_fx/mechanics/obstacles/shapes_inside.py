@@ -1,22 +1,22 @@
-"""Whether a rigid shape lies inside the body, or has passed through it: what contact conditions at
-nodes cannot see.
+"""Test whether a rigid shape lies inside the body or has passed through it, which contact
+conditions at nodes cannot detect.
 
 A shape is the solid {phi < 0} of a signed distance phi, and the body is the union of its cells,
-between the planes through the vertices of their facets.  A shape that is narrower than a facet fits
-between nodes.  So in a cell that a shape reaches into, a point that is too deep is sought by
-projections in turn: onto the planes of the cell, and along the normal of the shape.  Of convex
-cells and shapes they lead to such a point if there is one.
+each bounded by the planes through the vertices of its facets.  A shape narrower than a facet fits
+between nodes.  So in each cell that a shape reaches, a point that is too deep is sought by
+alternating projections: onto the planes of the cell, and along the normal of the shape.  For convex
+cells and shapes they find such a point if there is one.
 
-Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts
-a circle of radius R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell,
-and of the inradius of the shape, nothing is said.  The tip of a cone, an edge or an open line,
-which have no largest ball, is cut by a chord up to half its length: the whole radius of a cell is
-allowed there, as with a shape of a user's own that does not say its inradius.
+Contact at nodes allows some depth: between two nodes that are outside, a chord of length h cuts a
+circle of radius R to R - sqrt(R^2 - h^2 / 4).  So depths up to ``SHAPE_INSIDE`` times the radius of
+a cell, and times the inradius of the shape, are accepted.  The tip of a cone, an edge or an open
+line, which have no largest ball, are cut by a chord up to half its length: there the whole radius
+of a cell is allowed, as for a user's own shape that does not define its inradius.
 
-A shape has passed through the body if on the straight way from one place and displacement to the
-next it is too deep somewhere.  Where it has no largest ball, the body may have given way in between
-by as much as it is deformed otherwise at the end: a tip that slides along it dents places that are
-even at both ends.
+A shape has passed through the body if it is too deep somewhere on the straight path from one place
+and displacement to the next.  Where it has no largest ball, the body may have yielded in between by
+as much as it is deformed otherwise at the end: a tip that slides along the body dents places that
+are even at both ends.
 """
 
 from __future__ import annotations
@@ -46,8 +46,11 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class InsideBody:
-    """A place where a shape lies deep inside the body, or has been on its way: the ``depth`` of the
-    point ``at`` of the displaced body below the surface of the shape, lengths.
+    """A place where a shape lies, or has been, deep inside the body.
+
+    Attributes:
+        depth: depth of the point below the surface of the shape, length.
+        at: position of the point in the displaced body, length.
     """
 
     depth: float
@@ -59,9 +62,13 @@ class InsideBody:
 
 @dataclass(frozen=True)
 class BodyCells:
-    """The cells of this rank in a ``space`` of displacements: their kind, their ``nodes``, vertices
-    first, local numbers, shape (c, n), and initial positions ``x`` of all nodes, length, shape
-    (nodes, d).
+    """The cells of this rank in a space of displacements.
+
+    Attributes:
+        kind: the type of the cells.
+        nodes: local numbers of their nodes, vertices first, shape (c, n).
+        x: initial positions of all nodes, length, shape (nodes, d).
+        space: the space of displacements.
     """
 
     kind: basix.CellType
@@ -78,8 +85,8 @@ class BodyCells:
         return cls(space.element.basix_element.cell_type, space.dofmap.list[:owned], x, space)
 
     def placed(self, displacement: Array) -> Array:
-        """Return positions of the nodes at a displacement with ghosts, shape (nodes, d); sections
-        stay in their plane.
+        """Return the positions of the nodes, shape (nodes, d), at a displacement with ghosts;
+        displacements out of the plane of a section are ignored.
         """
         places = self.x.copy()
         within = slice(self.space.mesh.topology.dim)
@@ -98,13 +105,13 @@ class BodyCells:
         return numbers.reshape(local.shape)
 
     def covering(self, places: Array, x: Array, cells: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return the numbers of points and of cells of this rank that cover them, one pair of both
-        after the other, shapes (k,).
+        """Return the pairs of a point and a cell of this rank that covers it, as numbers of both,
+        shapes (k,).
 
         Args:
-            places: see ``placed``.
-            x: of the points, shape (n, d).
-            cells: among which they are sought, ascending, None: all.
+            places: positions of the nodes, see ``placed``.
+            x: positions of the points, shape (n, d).
+            cells: the cells to be searched, ascending; None: all.
         """
         corners = self.corners(places)
         cells = np.arange(len(corners)) if cells is None else cells
@@ -121,8 +128,8 @@ class BodyCells:
         return point[covered], cells[cell[covered]]
 
     def planes(self, corners: Array) -> tuple[Array, Array]:
-        """Return points of the planes of the facets of cells with such corners, and outward
-        normals, shapes (c, f, d).
+        """Return a point on the plane of each facet of cells with these corners, and its outward
+        normal, shapes (c, f, d).
         """
         facets = [facet[: self.space.mesh.topology.dim] for facet in basix.topology(self.kind)[-2]]
         at = corners[:, np.array(facets)]
@@ -140,18 +147,18 @@ class BodyCells:
         return at[:, :, 0], quotient(normal, size)
 
     def inside(self, places: Array, shape: SignedDistance, added: float = 0.0) -> InsideBody | None:
-        """Return the place where a shape, an object with ``distance``, lies inside the body, None:
-        nowhere; collective.
+        """Return the deepest place where a shape lies inside the body, or None; collective.
 
-        ``places``: see ``placed``.
-        ``added``: to the distance, length; hollow and flat shapes are left out.
+        Hollow and flat shapes are not tested.
+
+        ``places``: positions of the nodes, see ``placed``. ``added``: length added to the distance.
         """
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: SignedDistance) -> InsideBody | None:
-        """Return the place where the middle of the shape lies inside the undeformed body, without
-        or behind its contact boundary; None: nowhere; collective.
+        """Return the place where the middle of the shape lies inside the undeformed body, away from
+        or behind its contact boundary; None if there is none; collective.
         """
         return self._too_deep(self.x, shape, 0.0, SHAPE_MIDDLE, math.inf)
 
@@ -161,10 +168,11 @@ class BodyCells:
         now: tuple[Array, Shape],
         added: float = 0.0,
     ) -> InsideBody | None:
-        """Return the place where the shape has been inside the body on the straight way between two
-        states, places of the nodes and the shape; None: nowhere; collective.
+        """Return a place where the shape has been too deep inside the body on the straight path
+        between two states; None if there is none; collective.
 
-        ``added``: see ``inside``.
+        ``before``, ``now``: positions of the nodes and the shape in both states; ``added``: see
+        ``inside``.
         """
         begun, earlier = before
         ended, shape = now
@@ -213,8 +221,11 @@ class BodyCells:
         of_cell: float,
         yielding: float = 0.0,
     ) -> InsideBody | None:
-        """Return the deepest point deeper in the shape than these shares of its inradius and of the
-        radius of the cell.
+        """Return the deepest point that is deeper in the shape than ``allowed``; None if there is
+        none.
+
+        The limit is the smaller of ``of_shape`` times the inradius and ``of_cell`` times the radius
+        of the cell, plus ``yielding``.
         """
         radius = _inradius(shape) - max(added, 0.0)
         endless = radius == math.inf and (
@@ -258,8 +269,8 @@ class BodyCells:
 
 
 def _inradius(shape: SignedDistance) -> float:
-    """Return radius of the largest ball in a shape; infinite where there is none, or it does not
-    say it.
+    """Return the radius of the largest ball in a shape, length; infinite where there is none or the
+    shape does not define it.
     """
     return float(getattr(shape, "inradius", math.inf))
 
