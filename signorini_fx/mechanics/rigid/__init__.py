@@ -1,5 +1,5 @@
-"""Rigid motions: those that a body admits, foundations that forces move, and the space of coarse
-levels.
+"""Rigid motions: those that supports leave free, foundations that forces move, and the space of
+coarse levels.
 
 Meshes of nested iterations are levels of multigrid here, because its coarse spaces must contain the
 rigid motions.

@@ -1,9 +1,9 @@
 """Coarser meshes of the same body as levels of geometric multigrid: interpolation from one mesh to
 the next finer one.
 
-The meshes of a nested iteration are there anyway.  They need not be nested themselves: each node of
-the finer mesh lies in a cell of the coarser one, or close to it where the boundary is curved, and
-takes its shape functions there.
+A nested iteration has these meshes already.  They need not be nested themselves: each node of the
+finer mesh lies in a cell of the coarser one, or close to it where the boundary is curved, and is
+interpolated by the shape functions of that cell.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from signorini_fx.tuned import NOTHING_LEFT, OUTSIDE_COARSER_MESH
 
 @dataclass(eq=False)
 class MeshLevel:
-    """The displacements of a body on one mesh, and on a coarser one.
+    """The displacements of a body on one mesh, linked to the next coarser mesh.
 
     Attributes:
-        space: of the displacement.
-        fixed: the prescribed unknowns of this rank.
-        rotation: from the unknowns to displacements; None: they are the same.
+        space: the space of displacements.
+        fixed: flags of the prescribed unknowns of this rank.
+        rotation: map from the unknowns to displacements; None: they are the same.
         motions: the rigid motions.
-        coarser: the same on the next coarser mesh; None: there is none.
-        stiffness: of these unknowns; None: it has others as well.
-        solved: the displacement there, with which a finer mesh begins; None: it begins at zero.
+        coarser: the level of the next coarser mesh; None: there is none.
+        stiffness: the matrix of these unknowns; None: the system has other unknowns as well.
+        solved: the solution on this mesh, from which a finer mesh starts; None: it starts from
+            zero.
     """
 
     space: fem.FunctionSpace
@@ -57,7 +58,7 @@ class MeshLevel:
 
     @property
     def positions(self) -> Array:
-        """Return the positions of the unknowns of this rank, shape (n, 3)."""
+        """The positions of the unknowns of this rank, length, shape (n, 3)."""
         return np.repeat(self.motions.x[: self.owned], self.block, axis=0)
 
     @property
@@ -66,8 +67,7 @@ class MeshLevel:
         return int(self.space.dofmap.index_map.size_local)
 
     def modes(self) -> PETSc.NullSpace:
-        """Return translations and rotations, orthonormal: what multigrid must not forget on its
-        coarse levels.
+        """Return translations and rotations, orthonormalised, as the near-null space of multigrid.
 
         Multigrid coarsens locally, where the motions of a piece are those of the whole body.
         """
@@ -85,19 +85,19 @@ class MeshLevel:
         return PETSc.NullSpace().create(vectors=vectors, comm=self.space.mesh.comm)
 
     def vector(self) -> PETSc.Vec:
-        """Return a vector of the displacements, zero; collective."""
+        """Return a zero vector of displacements; collective."""
         return PETSc.Vec().createMPI((self.owned * self.block, None), comm=self.space.mesh.comm)
 
     def free_components(self) -> PETSc.Vec:
-        """Return a vector with one where an unknown is free and zero where it is prescribed."""
+        """Return a vector with one for each free unknown and zero for each prescribed one."""
         vector = self.vector()
         vector.getArray()[:] = ~self.fixed
         return vector
 
     @cached_property
     def interpolation(self) -> PETSc.Mat | None:
-        """Return the matrix from the unknowns on the coarser mesh to those on this one, without
-        prescribed ones; collective. None: there is no coarser mesh, or it does not cover this one.
+        """The matrix from the unknowns of the coarser mesh to those of this one, zero for
+        prescribed ones; collective.
 
         None: there is no coarser mesh, or it does not cover this one.
         """
@@ -121,8 +121,10 @@ class MeshLevel:
         return row_by_row(matrix)
 
     def start(self) -> PETSc.Vec | None:
-        """Return the displacement of the coarser mesh in the unknowns of this one, prescribed ones
-        zero; collective.
+        """Return the solution on the coarser mesh interpolated to the unknowns of this one,
+        prescribed ones zero; collective.
+
+        Returns None if there is no coarser solution or interpolation.
         """
         coarse = self.coarser
         interpolation = self.interpolation
@@ -137,8 +139,8 @@ class MeshLevel:
         return start
 
     def _shares(self, coarse: MeshLevel) -> scipy.sparse.csr_matrix | None:
-        """Return shares of the coarse nodes (global numbers) in each owned node, or None if some
-        node is nowhere.
+        """Return the shares of the coarse nodes (global numbers) in each owned node; None if a node
+        lies outside the coarser mesh.
         """
         from signorini_fx.mechanics.mesh.points import at_points
 

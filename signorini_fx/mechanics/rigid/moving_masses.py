@@ -1,9 +1,9 @@
 """The inertia of rigid bodies whose motion is an unknown.
 
-In a time step of the midpoint rule a mass m is a spring of stiffness 4 m / tau^2 at the pivot, and
-the force 4 m / tau^2 (q_n + tau v_n / 2) that it has there, likewise a moment of inertia: for q,
-the place in the middle of the step.  Newton's method of a nonlinear body finds the end of the step:
-2 m / tau^2 and q_n + tau v_n.
+In a time step tau of the midpoint rule a mass m acts as a spring of stiffness 4 m / tau^2 at the
+pivot with the force 4 m / tau^2 (q_n + tau v_n / 2), where the unknown q is the position in the
+middle of the step.  Moments of inertia act likewise.  Newton's method of a nonlinear body solves
+for the end of the step instead: 2 m / tau^2 and q_n + tau v_n.
 """
 
 from __future__ import annotations
@@ -24,17 +24,19 @@ _LOAD = "rigid load"
 
 
 def masses(rigid: RigidBodies) -> Array:
-    """Return the masses of all unknowns, of rotations moments of inertia over L^2, shape (k,)."""
+    """Return the masses of all unknowns, shape (k,); for rotations the moments of inertia
+    over L^2.
+    """
     dim = rigid.kinematics.dimension
     rows = [body.motion.masses(dim)[: rigid.units.size] / rigid.units**2 for body in rigid.bodies]
     return np.array(rows, dtype=np.float64).ravel()
 
 
 def refuse_massless(rigid: RigidBodies) -> None:
-    """Refuse rigid bodies that are free to move where they have no inertia.
+    """Check that rigid bodies have inertia in all components that are free.
 
     Raises:
-        SceneError: there is one.
+        SceneError: a free component has no mass or moment of inertia.
     """
     dim = rigid.kinematics.dimension
     covered = (rigid.fixed | (masses(rigid) > 0)).reshape(-1, rigid.units.size)
@@ -56,8 +58,9 @@ def refuse_massless(rigid: RigidBodies) -> None:
 def heavier(
     rigid: RigidBodies, body: RigidBody, factor: float, **more: float | tuple[float, ...]
 ) -> RigidBody:
-    """Return a rigid body with springs of a factor times its masses, and other keys of its
-    motion.
+    """Return a rigid body with additional springs of ``factor`` times its masses.
+
+    ``more``: further keys of its motion to be replaced.
     """
     dim = rigid.kinematics.dimension
     stiffness = body.motion.stiffness(dim) + factor * body.motion.masses(dim)
@@ -66,8 +69,10 @@ def heavier(
 
 
 def driven_to_end(rigid: RigidBodies, state: State, dt: float) -> list[RigidBody]:
-    """Rigid bodies with what drives them to the end of a step, beside a nonlinear body, where they
-    turn about one axis at most.
+    """Return rigid bodies with the springs and forces of inertia that drive them to the end of a
+    step.
+
+    This is for nonlinear bodies, where rigid bodies rotate about one axis at most.
     """
     dim = rigid.kinematics.dimension
     count = rigid.units.size
@@ -84,7 +89,7 @@ def driven_to_end(rigid: RigidBodies, state: State, dt: float) -> list[RigidBody
 
 
 def set_in_motion(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> State:
-    """Return a state from which rigid bodies move with the velocities that are given, under
+    """Return a state with the given initial velocities of rigid bodies and with their present
     loads.
     """
     if not rigid.bodies:
@@ -100,7 +105,9 @@ def _moving(rigid: RigidBodies, state: State, velocity: Array, drives: Sequence[
 
 
 def _together(rigid: RigidBodies, drives: Sequence[Drive]) -> tuple[Array, Array]:
-    """Return loads and prescribed motions of all unknowns, nan where they are free, shapes (k,)."""
+    """Return the loads and the prescribed motions of all unknowns, shapes (k,); nan where a motion
+    is free.
+    """
     loads, motions = (np.ravel([drive[k] for drive in drives]) for k in (0, 1))
     units = np.tile(rigid.units, len(rigid.bodies))
     return loads / units, motions * units
@@ -113,7 +120,7 @@ def velocity_of(state: State) -> Array:
 
 
 def mean_loads(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> Array:
-    """Return the mean loads of all unknowns in a step that ends with drives, shape (k,)."""
+    """Return the mean loads of all unknowns over a step that ends with ``drives``, shape (k,)."""
     if not rigid.bodies:
         return np.zeros(0)
     return np.asarray(0.5 * (_together(rigid, drives)[0] + state.fields[_LOAD].values.ravel()))
@@ -122,7 +129,9 @@ def mean_loads(rigid: RigidBodies, state: State, drives: Sequence[Drive]) -> Arr
 def in_middle(
     rigid: RigidBodies, state: State, drives: Sequence[Drive], dt: float
 ) -> tuple[Driven, list[Drive]]:
-    """Return what drives rigid bodies in the middle of a step, by their unknowns and for each."""
+    """Return the loads, with inertia, and the motions of rigid bodies in the middle of a step: once
+    for all unknowns, and once as a list by bodies.
+    """
     aim = state.rigid + 0.5 * dt * velocity_of(state)
     forces = mean_loads(rigid, state, drives) + 4.0 / dt**2 * masses(rigid) * aim
     _, motions = _together(rigid, drives)
@@ -136,7 +145,10 @@ def in_middle(
 def moved_on(
     rigid: RigidBodies, state: State, new: State, drives: Sequence[Drive], dt: float, part: float
 ) -> State:
-    """Return the end of a step whose unknowns of rigid bodies are those after a part of it."""
+    """Return the state at the end of a step, given the unknowns of rigid bodies after a part of it.
+
+    ``part``: the fraction of the step after which ``new`` holds the unknowns, 0.5 for the midpoint.
+    """
     if not rigid.bodies:
         return new
     mean = (new.rigid - state.rigid) / (part * dt)
@@ -145,15 +157,15 @@ def moved_on(
 
 
 def free_motion(rigid: RigidBodies, values: Array) -> Array:
-    """Return unknowns of rigid bodies without those that are prescribed, which others move, shape
-    (k,).
-    """
+    """Return the unknowns of rigid bodies with zeros for prescribed ones, shape (k,)."""
     return np.where(rigid.fixed, 0.0, values) if rigid.bodies else values
 
 
 def energy(rigid: RigidBodies, values: Array, stiffness: Array | None = None) -> float:
-    """Return the energy of the motions that are free, of springs or, None, of the masses at
-    velocities.
+    """Return the energy of the free unknowns of rigid bodies.
+
+    ``values``, ``stiffness``: displacements and stiffness of springs; without stiffness velocities,
+    for the kinetic energy.
     """
     weights = masses(rigid) if stiffness is None else stiffness
     return float(0.5 * weights @ free_motion(rigid, values) ** 2)

@@ -1,22 +1,21 @@
 """Rigid bodies: foundations whose motion is an unknown, driven by forces, moments or prescribed
 components.
 
-A rigid body with its pivot c moves by translations v and a small rotation w, lengths q = (v, L w)
-with a length L,
+A rigid body with its pivot c moves by a translation v and a small rotation w.  Its unknowns are
+lengths, q = (v, L w) with a length L, and it moves a contact point x_i by
 
-    R_i q = v + w x (x_i - c)
+    R_i q = v + w x (x_i - c).
 
-at a contact point x_i.  What contact sees is the displacement of the body relative to it.  The
-unknowns (u, q) have
+Contact depends on the displacement of the body relative to it.  The unknowns (u, q) have
 
     K = [A 0; 0 S],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
 
-with the stiffness S of springs at c, so that equilibrium of a rigid body, S q - R^T B^T (w t) =
-(force, moment / L), is k rows more, and laws, sets and algorithms see tau_N y and tau_T y as
-before.  Gap and normals are those of the place where it is given: its motion is small against its
+with the stiffness S of springs at c.  So equilibrium of a rigid body, S q - R^T B^T (w t) = (force,
+moment / L), adds k rows, while laws, active sets and algorithms depend on tau_N y and tau_T y as
+before.  Gap and normals are evaluated in its given position: its motion is small compared with its
 geometry, like the displacement of the body.
 
-The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.
+The k unknowns come last, on the last rank, so that all others keep their numbers.
 """
 
 from __future__ import annotations
@@ -45,8 +44,9 @@ Drive = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Driven:
-    """What drives all rigid bodies, by their unknowns: (force, moment / L), and those that are
-    prescribed, lengths, else zero, shapes (k,).
+    """Loads and prescribed motions of all rigid bodies by their unknowns, shapes (k,).
+
+    ``forces``: (force, moment / L); ``motion``: prescribed components, lengths, zero for free ones.
     """
 
     forces: Array
@@ -54,7 +54,7 @@ class Driven:
 
     @classmethod
     def together(cls, parts: Sequence[tuple[float, Driven]]) -> Driven | None:
-        """Return the sum of several times their factors, or None if there are none."""
+        """Return a linear combination of drives with their factors; None if there are none."""
         if not parts:
             return None
         scaled = [(factor * drive.forces, factor * drive.motion) for factor, drive in parts]
@@ -66,8 +66,8 @@ class RigidBodies:
     """The rigid bodies of a problem, t of them with m unknowns each; t may be zero.
 
     Attributes:
-        bodies: their contacts, and what drives them, shape (t,).
-        kinematics: of the body, with which they may move.
+        bodies: their contacts and their loads, shape (t,).
+        kinematics: the kinematics of the deformable body, which limits their motions.
         length: L.
     """
 
@@ -77,17 +77,19 @@ class RigidBodies:
 
     @property
     def units(self) -> Array:
-        """Unknowns per component: one of a translation, L of a rotation, shape (m,)."""
+        """The scale of the unknowns of each component: one for translations, L for rotations, shape
+        (m,).
+        """
         rotations = len(self.kinematics.rotations)
         return np.array([1.0] * self.kinematics.dimension + [self.length] * rotations)
 
     @property
     def parts(self) -> list[int]:
-        """Return the places of their contacts."""
+        """The numbers of the contacts of all rigid bodies."""
         return [part for body in self.bodies for part in body.parts]
 
     def on(self, boundary: ContactBoundary) -> ContactBoundary:
-        """Return the contact points on rigid bodies that move."""
+        """Return the contact points with the motions of rigid bodies as further unknowns."""
         if not self.bodies:
             return boundary
         motion_count = self.kinematics.motions
@@ -110,18 +112,20 @@ class RigidBodies:
         return moving
 
     def places(self, boundary: ContactBoundary) -> Array:
-        """Return the places of the points in the undeformed body, length, shape (n, d)."""
+        """Return the positions at which forces act on the points in the undeformed body, length,
+        shape (n, d).
+        """
         return boundary.centre
 
     def drives(self, time: float = 0.0) -> list[Drive]:
-        """Return forces and moments on each of them at a time, and what is prescribed, shapes
-        (m,).
+        """Return, for each rigid body, its force and moment at a time, and its prescribed
+        components, shapes (m,).
         """
         return [body.motion.drive(self.kinematics.dimension, time) for body in self.bodies]
 
     @property
     def fixed(self) -> Flags:
-        """Which unknowns are prescribed, shape (k,)."""
+        """Flags of the unknowns that are prescribed or that the kinematics exclude, shape (k,)."""
         prescribed = [
             ~np.isnan(motion) | ~self.kinematics.unbalanced for _, motion in self.drives()
         ]
@@ -129,7 +133,7 @@ class RigidBodies:
 
     @property
     def stiffness(self) -> Array:
-        """Return the stiffness of the springs at the pivots, force / length, shape (k,)."""
+        """The stiffness of the springs at the pivots, force / length, shape (k,)."""
         dim = self.kinematics.dimension
         of_bodies = [
             body.motion.stiffness(dim)[: self.units.size] / self.units**2 for body in self.bodies
@@ -137,7 +141,10 @@ class RigidBodies:
         return np.array(of_bodies, dtype=np.float64).ravel()
 
     def driven(self, time: float = 0.0, number: int | None = None) -> Driven:
-        """Return what drives them, or one of them alone, at a time."""
+        """Return loads and prescribed motions of all rigid bodies at a time.
+
+        ``number``: the only body to be driven, with zeros for the others; None: all.
+        """
         drives = np.array(self.drives(time), dtype=np.float64).reshape(
             len(self.bodies), 2, self.units.size
         )
@@ -148,7 +155,7 @@ class RigidBodies:
         )
 
     def moved(self, unknowns: Array) -> tuple[RigidBodyMotion, ...]:
-        """Return how they have moved, from their unknowns in a displacement, see
+        """Return the motions of the rigid bodies from their unknowns in a displacement, see
         ``Model.driven``.
         """
         dim = self.kinematics.dimension
@@ -162,13 +169,14 @@ class RigidBodies:
 
 @dataclass(frozen=True)
 class RigidBodyMotion:
-    """How a rigid body has moved from where it is given, v + w x (x - c), in 2D with w along x[2].
+    """The displacement of a rigid body from its given position, v + w x (x - c), in 2D with w along
+    x[2].
 
     Attributes:
-        body: its name, and the places of its contacts.
+        body: the rigid body, with its name and the numbers of its contacts.
         reference: its pivot c, length, shape (d,).
         translation: v, length, shape (d,).
-        rotation: w, radians; a number in 2D, shape (1,), in 3D shape (3,).
+        rotation: w, radians; in 2D shape (1,), in 3D shape (3,).
     """
 
     body: RigidBody
@@ -182,10 +190,10 @@ class RigidBodyMotion:
         return rigid_modes(x, self.reference, np.array(1.0)) @ motion
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Shape]) -> float:
-        """Return the largest difference of the gap in the final position of the rigid body from the
-        linearised one, where it presses, length; collective.
+        """Return the largest error of the linearised gap at points under pressure, compared with
+        the gap at the final position of the rigid body, length; collective.
 
-        ``shapes``: in the initial position, by the places of its contacts.
+        ``shapes``: the shapes in their initial position, by the numbers of the contacts.
         """
         if not np.isfinite(self.translation).all():
             return np.nan
@@ -207,19 +215,21 @@ class RigidBodyMotion:
         return contact.boundary.centre[touching] - self.reference
 
     def lever(self, x: Array, displacements: Array) -> Array:
-        """Return the vectors from the pivot to displaced points that were at x, length, shape (n,
-        d).
+        """Return the vectors from the pivot to points, length, shape (n, d); here undeformed.
+
+        ``x``: initial positions of the points, length, shape (n, d); ``displacements``: ignored
+        here.
         """
         return x - self.reference
 
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
     ) -> dict[str, Any]:
-        """Return a row of the summary: its motion, the force and moment of the body on it, and
+        """Return a row of the summary: the motion, the force and moment of the body on it, and
         ``gap_error``; collective.
 
-        ``contacts``: of the scene.
-        ``kinematics``: of the body, by which some forces and moments cancel.
+        ``contacts``: the contacts of the scene. ``kinematics``: the kinematics of the body, by
+        which some forces and moments cancel.
         """
         from signorini_fx.machine.display import clean
 
@@ -256,11 +266,14 @@ class RigidBodyMotion:
     def unbalanced(
         self, drive: Drive, resultant: tuple[Array, float, float], least: float = 0.0
     ) -> float:
-        """Return the largest force or moment on a free component that contact tractions with such a
-        ``resultant``, see ``ContactNodes.resultant``, do not balance, and the largest miss of a
-        prescribed one, as a share of the forces at the rigid body, or of its motion.
+        """Return the relative residual of the rigid body: the largest unbalanced force or moment on
+        a free component over the forces on it, or the largest error of a prescribed component over
+        its motion.
 
-        ``least``: a force that is round-off.
+        ``drive``: its loads and prescribed components. ``resultant``: force and moment of contact
+        on it, their size, and their lever, see
+            ``ContactNodes.resultant``.
+        ``least``: a force below which everything is round-off.
         """
         load, prescribed = drive
         taken, size, reach = resultant
@@ -283,6 +296,8 @@ class RigidBodyMotion:
 
 
 def turn_of(turn: Array) -> Array:
-    """Return the matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
+    """Return the rotation matrix, shape (d, d), of a rotation vector in radians, in 2D of
+    an angle.
+    """
     degrees = [float(angle) for angle in np.degrees(turn)]
     return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)

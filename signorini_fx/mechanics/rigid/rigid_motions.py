@@ -1,7 +1,7 @@
-"""Motions of the body without strain that the supports leave free, and their names for messages.
+"""Motions of the body without strain that the supports leave free, and their names in messages.
 
-A body of one piece has m of them: in 2D two translations and a rotation, in 3D three translations
-and three rotations.  A body of several pieces has as many for each of them.
+A connected piece has m of them: in 2D two translations and a rotation, in 3D three translations and
+three rotations.  A body of several pieces has m for each of them.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ MOST_LISTED = 4
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """The motions without strain that the prescribed displacements leave free, k of them.
+    """The k motions without strain that the prescribed displacements leave free.
 
     Attributes:
         pieces: the connected pieces of the body, p of them.
-        x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
-        piece: number of the piece that each of these nodes is in, shape (nodes,).
+        x: positions of the nodes of this rank, ghosts included, length, shape (nodes, d).
+        piece: number of the piece of each of these nodes, shape (nodes,).
         owned: how many of these nodes this rank owns.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
         length: size of each piece, which makes its rotations comparable with translations, shape
             (p,).
-        supported: products of the motions of each piece with each other at supports, inverted,
-            shape (p, m, m).
-        free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape
-            (m p, k); a column moves the pieces of one assembly only.
+        supported: pseudo-inverse of the products of the motions of each piece with each other at
+            the supports, shape (p, m, m).
+        free: the free motions as combinations of the motions of each piece (see ``rigid_modes``),
+            one per column, shape (m p, k); a column moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
-        foundations: what each motion is of the unknowns of moving foundations, lengths, shape
-            (unknowns, k); None: there are none.
+        foundations: the unknowns of moving foundations in each motion, lengths, shape (unknowns,
+            k); None: there are none.
         moving: these foundations; None: there are none.
     """
 
@@ -70,16 +70,18 @@ class RigidMotions:
 
     @property
     def of_all(self) -> Array:
-        """``free``, and below it ``foundations``."""
+        """The matrix ``free`` with ``foundations`` below it."""
         return self.free if self.foundations is None else np.vstack((self.free, self.foundations))
 
     @property
     def each(self) -> int:
-        """M, the number of motions of a piece: 3 in 2D, 6 in 3D."""
+        """The number m of motions of a piece: 3 in 2D, 6 in 3D."""
         return CARTESIAN[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
-        """Return the free motions at the contact points of this rank: B times them; collective."""
+        """Return the relative displacements B r of the free motions r at the contact points of this
+        rank; collective.
+        """
         piece = self.piece[boundary.nodes]
         averages = boundary.averages
         of = self._pieces_at(boundary)
@@ -98,8 +100,8 @@ class RigidMotions:
         )
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
-        """Return the motions together with the free motions of foundations, and with everything
-        that may touch as one assembly; collective.
+        """Return the motions including the free motions of foundations, with everything that may
+        touch as one assembly; collective.
         """
         moving = boundary.moving
         of = self.pieces.assembly
@@ -136,29 +138,33 @@ class RigidMotions:
         )
 
     def _pieces_at(self, boundary: ContactBoundary) -> Ints:
-        """Return the pieces that the nodes of averages are in, shape (m,); collective."""
+        """Return the pieces of the nodes that the averages of a boundary use, shape (m,);
+        collective.
+        """
         owned_pieces = self.piece[: self.owned, None].astype(np.float64)
         return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(
             np.int64
         )
 
     def displacement(self, motion: Array) -> Array:
-        """Return the free motions times coefficients of shape (k,) at all nodes of this rank, shape
-        (nodes, d).
+        """Return the sum of the free motions with coefficients of shape (k,) at all nodes of this
+        rank, shape (nodes, d).
         """
         return self.of_pieces(self.free @ motion)
 
     def of_pieces(self, motion: Array, nodes: Integers | slice = slice(None)) -> Array:
-        """Return the motions of all pieces times coefficients of shape (m p,) at nodes of this
-        rank, shape (n, d).
+        """Return the sum of the motions of all pieces with coefficients of shape (m p,) at nodes of
+        this rank, shape (n, d).
         """
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
         moved = matvec(self.modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: Array, comm: MPI.Comm, driving: Array | None = None) -> RigidLoad:
-        """Return the work of forces at the owned dofs, shape (owned dofs,), on the free motions,
-        and of forces that drive foundations, by their unknowns; collective.
+        """Return the work of forces on the free motions; collective.
+
+        ``forces``: at the owned dofs, shape (owned dofs,); ``driving``: forces on the unknowns of
+        moving foundations.
         """
         if self.free.shape[1] == 0:
             return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
@@ -179,14 +185,16 @@ class RigidMotions:
         return RigidLoad(work, size, self.assembly)
 
     def modes(self, nodes: Integers | slice) -> Array:
-        """Return the motions of their pieces at nodes of this rank, shape (n, d, m)."""
+        """Return the motions of the pieces of some nodes of this rank at these nodes, shape (n, d,
+        m).
+        """
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
 
 
 def _joined(links: Ints, count: int, comm: MPI.Comm) -> Ints:
-    """Return the number of the component that each of so many things is in, linked in pairs of all
-    ranks; collective.
+    """Return the number of the connected component of each of ``count`` items, which the pairs
+    ``links`` of all ranks join; collective.
     """
     keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
     number = np.arange(count)
@@ -197,10 +205,11 @@ def _joined(links: Ints, count: int, comm: MPI.Comm) -> Ints:
 
 
 def rigid_modes(x: Array, centre: Array, length: Array) -> Array:
-    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m).
+    """Return the translations along the axes and the rotations about them at points, shape (n, d,
+    m).
 
-    ``centre``: about which each of them rotates, shape (n, d) or (d,).
-    ``length``: at which a rotation moves by one, shape (n,) or ().
+    ``x``: the points, length, shape (n, d). ``centre``: centre of rotation, shape (n, d) or (d,).
+    ``length``: distance from the centre at which a rotation displaces by one, shape (n,) or ().
     """
     dim = x.shape[1]
     turns = CARTESIAN[dim].rotations
@@ -222,8 +231,9 @@ def rigid_motions(
 ) -> RigidMotions:
     """Return the motions without strain that supports leave free; collective.
 
-    ``fixed``: which components of the displacement are prescribed at the owned nodes, shape (owned
-        nodes, d), at ``turned`` ones in their frames.
+    ``fixed``: which displacement components are prescribed at the owned nodes, shape (owned nodes,
+    d);
+        at ``turned`` nodes in their own frames.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
@@ -255,11 +265,12 @@ def rigid_motions(
 def without_energy(
     motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[Array], PETSc.Vec]
 ) -> RigidMotions:
-    """Return the motions of these for which a(r, r) = 0: springs, and what else resists rigid
-    motions, count as supports; collective.
+    """Return those combinations of the motions for which a(r, r) = 0: springs, and whatever else
+    resists rigid motions, count as supports; collective.
 
-    ``matrix``: of a(., .), or of the part of it that may resist.
-    ``vector``: from displacements of the nodes of this rank to new unknowns of the matrix.
+    ``matrix``: the matrix of a(., .), or of the part of it that may resist. ``vector``: returns a
+    new vector of unknowns of the matrix from displacements of the nodes of this
+        rank.
     """
     if motions.free.shape[1] == 0:
         return motions
@@ -296,9 +307,11 @@ def nearest_motion(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> Array:
-    """Return the motions of the pieces that are nearest to prescribed displacements of the owned
-    nodes, of which components are ``fixed``, at ``turned`` nodes in their frames, shapes (owned
-    nodes, d); shape (m p,); collective.
+    """Return the motions of the pieces that are nearest to prescribed displacements, shape (m p,);
+    collective.
+
+    ``fixed``, ``prescribed``: which components are prescribed at the owned nodes, and their values,
+    shapes (owned nodes, d); at ``turned`` nodes in their own frames.
     """
     _, moved = _at_supports(motions, fixed, prescribed, turned, comm)
     return matvec(motions.supported, moved).ravel()
@@ -311,8 +324,8 @@ def _at_supports(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> tuple[Array, Array]:
-    """Return products of motions with each other at prescribed components, (p, m, m), and with what
-    is prescribed, (p, m).
+    """Return the products of the motions with each other at prescribed components, shape (p, m, m),
+    and with the prescribed values, shape (p, m).
     """
     node, component = np.nonzero(fixed)
     columns = np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2)
@@ -331,8 +344,8 @@ def _at_supports(
 def _null_space(
     supported: Array, motions: RigidMotions, kinematics: Kinematics
 ) -> tuple[Array, Ints]:
-    """Return the motions of each piece that kinematics and supports allow, and the number of their
-    piece.
+    """Return the motions of each piece that kinematics and supports allow, one per column, and the
+    piece of each.
     """
     count = motions.pieces.count
     each = motions.each
@@ -359,10 +372,11 @@ def _null_space(
 
 
 def names_of(moved: Array, motions: RigidMotions, members: Ints, *, one_way: bool = False) -> str:
-    """Return names of motions of an assembly with these pieces, combinations as in
-    ``RigidMotions.of_all``, one per column.
+    """Return names for the motions of an assembly in a message.
 
-    ``one_way``: whether a single motion is meant in its direction, not in the opposite one as well.
+    ``moved``: combinations as in ``RigidMotions.of_all``, one per column. ``members``: the pieces
+    of the assembly. ``one_way``: whether the motions count in their own direction only, not in the
+    opposite one.
     """
     descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
@@ -391,8 +405,8 @@ def names_of(moved: Array, motions: RigidMotions, members: Ints, *, one_way: boo
 
 
 def _names_of_piece(motions: Array, dim: int, *, one_way: bool) -> str:
-    """Return names of motions of one piece (translations, then rotations, see ``rigid_modes``), one
-    per column.
+    """Return names for motions of one piece (translations, then rotations, see ``rigid_modes``),
+    one per column.
     """
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > CERTIFICATE_TOLERANCE))
@@ -413,15 +427,13 @@ def _names_of_piece(motions: Array, dim: int, *, one_way: bool) -> str:
 
 
 def _direction(vector: Array, *, upwards: bool = True) -> str:
-    """Return the direction of a vector in a message, or its opposite, so that its largest component
-    is positive.
+    """Return the unit direction of a vector as text; with ``upwards`` its largest component is made
+    positive.
     """
     sign = np.sign(vector[np.argmax(np.abs(vector))]) if upwards else 1.0
     return ", ".join(rounded(value) for value in sign * vector / np.linalg.norm(vector))
 
 
 def rounded(value: float, size: float = 1.0) -> str:
-    """Return a number of a message, to four digits; 0 where it is round-off beside a number of this
-    size.
-    """
+    """Return a number as text with four digits; 0 where it is round-off compared with ``size``."""
     return f"{round(float(value) / size, 6) * size + 0.0:.4g}"

@@ -1,4 +1,5 @@
-"""The rigid foundations that are things: their keys, signed distances and normals.
+"""The shapes of rigid foundations: their keys, signed distances and normals.
 
-``statement.rigid_shape`` knows the file of each, which is imported when a scene names the shape.
+``statement.rigid_shape`` maps each shape to its file, which is imported when a scene names the
+shape.
 """

@@ -122,7 +122,9 @@ class Cone(Shape):
     radius: Annotated[Finite, Field(ge=0)] = 0.0
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """Return a rounded tip is at the distance of its radius around a sharp one inside."""
+        """Return signed distance and normal: a rounded cone is all points within its radius of a
+        sharp cone inside it.
+        """
         axis = unit(self.axis)
         sine = math.sin(math.radians(self.angle))
         cosine = math.cos(math.radians(self.angle))
@@ -180,13 +182,13 @@ class Polyline(Shape):
 
     @property
     def closed(self) -> bool:
-        """Whether it ends where it begins."""
+        """Whether the line ends where it begins."""
         return self.points[0] == self.points[-1]
 
     @property
     def inradius(self) -> float:
-        """Return the inradius, of a closed line its area over its perimeter, which no inradius is
-        below.
+        """The inradius, length; for a closed line its area over its perimeter, a lower bound.
+        Infinite for open lines and hollow shapes.
         """
         if self.hollow or not self.closed:
             return np.inf
@@ -196,7 +198,7 @@ class Polyline(Shape):
 
     @property
     def _area(self) -> float:
-        """Inside a closed line, length squared; negative if it is clockwise."""
+        """The area inside a closed line, length squared; negative if it is clockwise."""
         x = np.array(self.points) - self.points[0]
         return float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1]) / 2
 
@@ -218,8 +220,10 @@ class Polyline(Shape):
 
 class StraightPieces:
     """Signed distances from straight pieces, positive on their left, and the normals at the closest
-    points; of corners, shape (c, 2), pieces have that at which each begins and ends, shape (m, 2),
-    and go on at a free end.
+    points.
+
+    ``corners``: their ends, length, shape (c, 2); ``pieces``: the numbers of the corners where each
+    piece begins and ends, shape (m, 2).  A piece with a free end continues beyond it.
     """
 
     def __init__(self, corners: Array, pieces: Ints) -> None:
@@ -237,7 +241,9 @@ class StraightPieces:
         self._last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
-        """Shapes (n,) and (n, 2), for points of shape (n, 2)."""
+        """Return signed distances, shape (n,), and unit normals, shape (n, 2), at points of shape
+        (n, 2).
+        """
         chosen, parameter = self._nearest(x)
         away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
         normal = self._normals[chosen].copy()
@@ -258,8 +264,8 @@ class StraightPieces:
         return signed, normal
 
     def convex_corners(self, *, hollow: bool) -> Corners:
-        """Return the corners at which a piece follows another one and turns away from the body,
-        which is on the right if ``hollow``.
+        """Return the corners where two consecutive pieces turn away from the body; if ``hollow``,
+        the body is on the right.
         """
         ends, begins = (
             np.bincount(self._pieces[:, k], minlength=len(self._corners)) for k in (1, 0)
@@ -282,8 +288,8 @@ class StraightPieces:
         )
 
     def _nearest(self, x: Array) -> tuple[Ints, Array]:
-        """Return the closest piece of each point, the first one of several, and the place of the
-        closest point on it.
+        """Return the closest piece to each point, the first one of several, and the coordinate of
+        the closest point along it, length.
         """
         chosen = np.zeros(len(x), dtype=np.int64)
         place = np.zeros(len(x))
@@ -297,10 +303,11 @@ class StraightPieces:
 
 
 def crossing_pieces(points: Array) -> tuple[int, int] | None:
-    """Return the first two pieces that cross or touch each other, by their numbers from 0; None if
-    there are none.
+    """Return the numbers, from 0, of the first two segments that cross or touch; None if there are
+    none.
 
-    Pieces that follow each other have a point in common; pieces of one straight line do not cross.
+    Consecutive segments, which have a point in common, do not count, nor do segments on one
+    straight line.
     """
     from scipy.spatial import cKDTree
 

@@ -1,4 +1,4 @@
-"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in 2D the rim of
+"""The surface of a solid from a file: STL, a CAD drawing, or a mesh; in 2D the boundary of
 a mesh.
 """
 
@@ -62,7 +62,9 @@ class ClosedSurface(Shape):
 
     @property
     def facets(self) -> tuple[float, float]:
-        """How wide facets of a curved part are, and how far off it, lengths; zero in 2D."""
+        """Width of the facets of curved parts, and their distance from the curved surface, lengths;
+        zero in 2D.
+        """
         width, off = self._surface.facets
         return self.scale * width, self.scale * off
 
@@ -72,20 +74,20 @@ class ClosedSurface(Shape):
 
     @property
     def _surface(self) -> CachedSurface:
-        """The surface, which is read once."""
+        """The surface, which is read once for each version of the file."""
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         return surface_of(self.file, self.size, changed)
 
 
 @lru_cache(maxsize=8)
 def surface_of(file: Path, size: float | None, _changed: int) -> CachedSurface:
-    """Return the surface in a file, once for each state of the file."""
+    """Return the surface in a file; cached for each modification time of the file."""
     return CachedSurface(_read(file, size))
 
 
 class CachedSurface:
-    """A surface that keeps the last distances: of the same points gap, direction and certificate
-    ask for them.
+    """A surface that keeps its last distances, as gap, direction and certificate evaluate it at the
+    same points.
     """
 
     def __init__(self, surface: InThePlane | InSpace) -> None:
@@ -95,7 +97,7 @@ class CachedSurface:
         self._corners: dict[bool, Corners] = {}
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
-        """Signed distances and normals, shapes (n,) and (n, d)."""
+        """Return signed distances and normals, shapes (n,) and (n, d)."""
         points = x.tobytes()
         if points not in self._last:
             self._last = {points: self._surface(x)}
@@ -103,21 +105,24 @@ class CachedSurface:
         return signed.copy(), normal.copy()
 
     def corners(self, *, hollow: bool) -> Corners:
-        """Return the corners of its solid, or of what is around it if ``hollow``."""
+        """Return the convex corners of the solid, or of its surroundings if ``hollow``."""
         if hollow not in self._corners:
             self._corners[hollow] = self._surface.convex_corners(hollow=hollow)
         return self._corners[hollow]
 
     @property
     def facets(self) -> tuple[float, float]:
-        """See ``InSpace``."""
+        """Width of facets and their distance from the curved surface, see ``InSpace.facets``; zero
+        in 2D.
+        """
         return getattr(self._surface, "facets", (0.0, 0.0))
 
     @cached_property
     def inradius(self) -> float:
-        """Return the radius of the largest ball inside whose middle is on a grid; or volume over
-        area, in 2D area over perimeter, which is that of a thin solid, and below that of one
-        without many small cavities, length.
+        """Estimate of the radius of the largest ball inside, length.
+
+        It is the largest distance of grid points from the surface, or, if larger, volume over area
+        (in 2D area over perimeter), which suits thin solids.
         """
         bounds, thickness = self._surface.extent
         axes = [np.linspace(low, high, INRADIUS_GRID) for low, high in bounds.T]
@@ -126,7 +131,11 @@ class CachedSurface:
 
 
 def _read(file: Path, size: float | None) -> InThePlane | InSpace:
-    """Return the surface in a file."""
+    """Return the surface in a file.
+
+    Raises:
+        MeshError: the file does not exist or contains no valid surface.
+    """
     if not file.is_file():
         raise MeshError(f"{file}: no such file")
     if file.suffix.lower() == ".stl":
@@ -145,7 +154,7 @@ def _read(file: Path, size: float | None) -> InThePlane | InSpace:
 
 
 def _stl(file: Path) -> tuple[Array, Ints]:
-    """Return points and triangles of an STL file, points that are the same joined."""
+    """Return the points and triangles of an STL file; equal points are merged."""
     from signorini_fx.mechanics.mesh.files.formats import read_meshio
 
     raw = read_meshio(file, "stl")
@@ -159,9 +168,9 @@ def _stl(file: Path) -> tuple[Array, Ints]:
 
 
 def _rim(points: Array, cells: Ints) -> Ints:
-    """Return the sides of cells counterclockwise.
+    """Return the sides of cells, counterclockwise around each, as numbers of their ends.
 
-    ``cells``: their corners along their perimeters, shape (m, 3 or 4).
+    ``cells``: the corners of each cell in order around it, shape (m, 3 or 4).
     """
     x, y = points[cells].transpose(2, 0, 1)
     turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
@@ -170,7 +179,7 @@ def _rim(points: Array, cells: Ints) -> Ints:
 
 
 class InThePlane(StraightPieces):
-    """The rim of an area, from points, shape (n, 2), and ends of the sides of areas,
+    """The boundary of an area, from points, shape (n, 2), and the ends of the sides of its cells,
     counterclockwise around each of them, shape (m, 2).
     """
 
@@ -190,8 +199,13 @@ class InThePlane(StraightPieces):
 
 
 class InSpace:
-    """A closed surface of triangles, with VTK's signed distance, from a file, points, shape (n, 3),
-    and corners in any order, shape (m, 3), or a ``MeshError``.
+    """A closed surface of triangles with VTK's signed distance.
+
+    ``file``: its name in messages; ``points``: length, shape (n, 3); ``triangles``: numbers of
+    corners in any order, shape (m, 3).
+
+    Raises:
+        MeshError: the surface is not closed or cannot be oriented, or pyvista is missing.
     """
 
     dimension = 3
@@ -232,9 +246,11 @@ class InSpace:
 
     @cached_property
     def _edges(self) -> tuple[Ints, Array, Array, Array, Array]:
-        """The edges: their ends, shape (e, 2), normals of both triangles, shape (e, 3) each, the
-        sines by which these turn, positive where the solid is convex, and the mean height of both
-        triangles over the edge, length, shape (e,) each.
+        """The e edges of the surface.
+
+        These are their ends, shape (e, 2), the normals of both triangles, shape (e, 3) each, the
+        sines of the angles between the normals, positive where the solid is convex, and the mean
+        height of both triangles over the edge, length, shape (e,) each.
         """
         x = self._points
         triangles = self._triangles
@@ -257,8 +273,8 @@ class InSpace:
 
     @cached_property
     def facets(self) -> tuple[float, float]:
-        """Return how wide facets of a curved part are, and how far off it: medians, lengths; zero
-        where all parts are flat.
+        """Median width of the facets of curved parts, and their median distance from the curved
+        surface, lengths; zero if all parts are flat.
         """
         *_, turned, height = self._edges
         smooth = (np.abs(turned) > ROOT_OF_EPS) & (np.abs(turned) <= math.sin(CORNER_ANGLE))
@@ -268,9 +284,9 @@ class InSpace:
         return float(np.median(height[smooth])), float(np.median(off))
 
     def convex_corners(self, *, hollow: bool) -> Corners:
-        """Return the edges that turn by more than facets of a curved surface do, and the points
-        where three of them meet, for the solid that is convex there, or if ``hollow`` for that
-        around it.
+        """Return the convex edges, sharper than those between facets of a curved surface, and the
+        points where at least three of them meet; of the solid, or if ``hollow`` of its
+        surroundings.
         """
         x = self._points
         edges, one, other, turned, _ = self._edges
@@ -283,7 +299,7 @@ class InSpace:
         return Corners(x[at], np.zeros(at.size), -sides if hollow else sides, x[edges])
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
-        """Signed distances and normals, shapes (n,) and (n, 3)."""
+        """Return signed distances and normals, shapes (n,) and (n, 3)."""
         closest = np.zeros_like(x)
         signed = np.zeros(len(x))
         for k, point in enumerate(x):
