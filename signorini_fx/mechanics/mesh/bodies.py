@@ -1,4 +1,4 @@
-"""Several bodies, each with a mesh of its own, turned and moved to its place in one mesh of several
+"""Several bodies, each with its own mesh, rotated and moved to their places in one mesh of several
 pieces.
 """
 
@@ -25,12 +25,11 @@ from signorini_fx.mechanics.statement.mesh_sources import Body, MeshFile, MeshGe
 def together(
     bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh], comm: MPI.Comm
 ) -> TaggedMesh:
-    """Several bodies as one mesh; collective.
+    """Return several bodies as one mesh; collective.
 
-    The cells of a body are the region of its name.  Its boundaries and regions have their names
-    with that of the body and a dot before them; names that one body alone has are also names
-    without.  Where some bodies have curved cells, the others get nodes in the middle of their
-    sides.
+    The cells of a body are the region of its name.  Its boundaries and regions are called
+    ``body.name``; a name that only one body has is also available without the prefix.  Where some
+    bodies have curved cells, the others get nodes in the middle of their sides.
 
     The first rank makes the mesh of each body, by ``load`` of its number, so that the order of the
     cells does not depend on the ranks, and checkpoints fit any number of them.
@@ -64,7 +63,7 @@ def together(
 
 
 def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
-    """Return all bodies at their places."""
+    """Return the mesh of all bodies at their places."""
     if len({mesh.degree for mesh in meshes}) > 1:
         meshes = [quadratic(mesh) if mesh.degree == 1 else mesh for mesh in meshes]
     _check_alike(bodies, meshes)
@@ -100,8 +99,8 @@ _Rows = TypeVar("_Rows", Ints, int)
 def _named(
     bodies: Sequence[str], named: Sequence[Mapping[str, _Rows]], firsts: Sequence[int]
 ) -> dict[str, _Rows]:
-    """Return the rows of each name of the bodies, their numbers shifted, as body.name, and as the
-    name alone where one body has it and none is called so.
+    """Return the rows of each name of the bodies in the joint mesh, as ``body.name``, and as the
+    plain name if only one body has it and no body is called so.
     """
     count = Counter(name for names in named for name in names)
     result = {}
@@ -114,7 +113,7 @@ def _named(
 
 
 def _origin(mesh: MeshFile | MeshGenerator | TaggedMeshBase) -> Mapping[str, Any]:
-    """Return the source of a mesh as a scene states it, see ``TaggedMesh``."""
+    """Return the source of a mesh in the terms of a scene, see ``TaggedMesh``."""
     match mesh:
         case MeshFile():
             return {"file": mesh.file.name}
@@ -127,8 +126,8 @@ def _origin(mesh: MeshFile | MeshGenerator | TaggedMeshBase) -> Mapping[str, Any
 
 @contextmanager
 def naming(number: int, body: Body) -> Iterator[None]:
-    """Errors of the mesh of one of several bodies name it: the keys of a table ``mesh`` are those
-    of the body.
+    """Add the name of the body to errors of its mesh: keys of a table ``mesh`` become keys of the
+    body.
     """
     try:
         yield
@@ -143,7 +142,9 @@ def naming(number: int, body: Body) -> Iterator[None]:
 
 
 def _check_alike(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> None:
-    """Check that the meshes can be one, and that the bodies are placed in their dimension."""
+    """Check that the meshes have one kind of cell, and that the bodies are placed in their
+    dimension.
+    """
     first = meshes[0]
     for body, mesh in zip(bodies, meshes, strict=True):
         if mesh.kind != first.kind:

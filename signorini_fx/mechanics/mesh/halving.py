@@ -31,7 +31,7 @@ _WITHIN = {
 
 
 def straightened(mesh: MeshArrays) -> MeshArrays:
-    """Return the mesh without the nodes between its corners."""
+    """Return the mesh with straight sides, without the nodes between corners."""
     if mesh.degree == 1:
         return mesh
     used, corners = np.unique(mesh.corners, return_inverse=True)
@@ -47,8 +47,8 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 
 
 def quadratic(mesh: MeshArrays) -> MeshArrays:
-    """Return a mesh of straight cells with nodes in the middle of their edges and faces, of the
-    same shape.
+    """Return a mesh of straight cells with additional nodes in the middle of their edges and faces;
+    the shape is the same.
     """
     cell = next(
         kind
@@ -92,8 +92,10 @@ def halved(mesh: MeshArrays) -> MeshArrays:
 
 
 def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Array, Array]:
-    """Return a number for each node, shape (m, k), the same in cells that share it, their
-    positions, and nodes of a cell.
+    """Return the nodes of an equispaced lattice of this degree on all cells.
+
+    Returns their numbers, the same in cells that share a node, shape (m, k), their positions, and
+    the lattice in the reference cell.
     """
     import basix.ufl
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
@@ -118,8 +120,8 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Array, Array]:
 
 
 def _places(kind: Cell, corners: Array, lattice: Array) -> Ints:
-    """Return the numbers of the nodes on the ``lattice`` that cells or facets of a kind between
-    such corners have, shape (..., k).
+    """Return the lattice numbers of the nodes of cells or facets with these corners, shape (...,
+    k).
     """
     nodes = straight(kind).shape(kind.places) @ corners
     places = cdist(nodes.reshape(-1, nodes.shape[-1]), lattice).argmin(axis=1)
@@ -127,14 +129,12 @@ def _places(kind: Cell, corners: Array, lattice: Array) -> Ints:
 
 
 def _children(kind: Cell, corners: Array) -> Array:
-    """Return the corners of each child of a cell or facet with some corners, shape (children,
-    corners, d).
-    """
+    """Return the corners of the children of a cell or facet, shape (children, corners, d)."""
     count = len(corners)
     ends = [[(own, other) for other in range(count)] for own in range(count)]
     return corners[np.array(ends + _WITHIN.get(straight(kind).kind, []))].mean(axis=2)
 
 
 def _repeated(rows: Ints, times: int) -> Ints:
-    """Return rows of the children."""
+    """Return the rows of the children of some rows."""
     return (times * rows[:, None] + np.arange(times)).ravel()

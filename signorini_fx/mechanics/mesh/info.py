@@ -1,4 +1,4 @@
-"""A description of a mesh file for writing a scene: names, counts, size, and what has no name."""
+"""A description of a mesh file for writing a scene: names, counts, size, and unnamed parts."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
 
 
 def render(info: Mapping[str, Any], name: str) -> str:
-    """Return the summary for a terminal."""
+    """Return the summary as text for a terminal."""
     lines: list[str] = []
 
     def row(title: str, text: str) -> None:

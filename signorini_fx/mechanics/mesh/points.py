@@ -1,9 +1,9 @@
-"""Points in the cells of a mesh, or next to them: which cell, where in it, and what another rank
-knows there.
+"""Location of points in the cells of a mesh, or next to them, and evaluation there on the rank that
+owns the cell.
 
-Meshes of one body need not be nested: points of one lie in cells of another, or beside them where
-the boundary is curved.  Cells are chosen by their bounding boxes and by Newton's method for the
-place in the reference cell, so that curved cells are taken as they are.
+Meshes of one body need not be nested: points of one lie in cells of another, or next to them where
+the boundary is curved.  Cells are found by their bounding boxes, and by Newton's method for the
+coordinates in the reference cell, which takes curved cells as they are.
 """
 
 from __future__ import annotations
@@ -190,12 +190,14 @@ def _nodes(mesh: dmesh.Mesh) -> Array:
 
 
 def _sizes(nodes: Array) -> Array:
-    """Return the diagonals of the bounding boxes of cells."""
+    """Return the diagonals of the bounding boxes of cells, length."""
     return extents(nodes)
 
 
 def determinants(matrices: Array) -> Array:
-    """Return the determinants of many matrices, shape (d, d, ...) -> (...), d = 2 or 3, by hand."""
+    """Return the determinants of many matrices, shape (d, d, ...) -> (...), d = 2 or 3, by explicit
+    formulas.
+    """
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
         return a * d - b * c
@@ -204,8 +206,8 @@ def determinants(matrices: Array) -> Array:
 
 
 def inverses(matrices: Array) -> Array:
-    """Return the inverses of many such matrices, of singular ones the unit matrix, by hand: shape
-    (d, d, ...).
+    """Return the inverses of many matrices, shape (d, d, ...), d = 2 or 3, by explicit formulas;
+    the identity for singular ones.
     """
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
@@ -222,8 +224,10 @@ def inverses(matrices: Array) -> Array:
 
 
 def _pull_back(element: FiniteElement, corners: Array, reference: Array) -> Array:
-    """Return places in the reference cell that cells map to the origin, by Newton's method; corners
-    in sizes of the cell.
+    """Return the reference coordinates that cells map to the origin, by Newton's method.
+
+    ``corners``: nodes relative to the sought point, in sizes of the cell; ``reference``: initial
+    guess, changed in place.
     """
     moving = np.arange(len(corners))
     for _ in range(MANY_STEPS):
@@ -241,7 +245,7 @@ def _pull_back(element: FiniteElement, corners: Array, reference: Array) -> Arra
 
 
 def _clipped(element: FiniteElement, reference: Array) -> Array:
-    """Return the places in the reference cell next to some in or beside it."""
+    """Return the coordinates moved into the reference cell where they are outside."""
     inside = np.clip(reference, 0.0, None)
     if element.cell_type in _SIMPLICES:
         inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)

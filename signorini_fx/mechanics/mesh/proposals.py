@@ -1,8 +1,8 @@
 """Contacts that a mesh of several bodies suggests: pairs of surfaces that touch or nearly do.
 
-From the middle of each facet a line along its normal finds the nearest facet of another body that
-faces it.  Facets leave the arcs they stand for, to both sides of a pair alike, so that the mean of
-the distances over both sides tells whether surfaces touch, where single distances do not.
+A line from the middle of each facet along its normal finds the nearest facet of another body that
+faces it.  Flat facets deviate from the arcs they represent, on both sides of a pair alike; so the
+mean of the distances over both sides shows whether surfaces touch, while single distances do not.
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ class ProposedContact:
     """Two surfaces of two bodies that touch, overlap, or are near each other.
 
     Attributes:
-        name: of both bodies, with a number where they have several contacts.
-        bodies: names of both.
-        sides: names of the boundaries of each side; the first should carry the contact points.
-        gap: distance, length, negative where they overlap: the mean over both sides, or the least
-            one of surfaces that diverge, as those of a roller on a track.
-        extremes: least and largest distance of a facet, length.
-        area: of the parts that face each other, in 2D a length.
-        sagitta: largest distance by which facets of both sides leave their arcs, length.
+        name: the names of both bodies, with a number where they have several contacts.
+        bodies: the names of both bodies.
+        sides: the names of the boundaries of each side; the first side should carry the contact
+            points.
+        gap: distance, length, negative where they overlap: the mean over both sides, or the
+            smallest one of surfaces that diverge, as those of a roller on a track.
+        extremes: smallest and largest distance of a facet, length.
+        area: area of the parts that face each other, in 2D a length.
+        sagitta: largest deviation of the facets of both sides from their arcs, length.
         kind: ``touches``, ``clearance`` or ``overlap``.
         shared: whether both sides are also sides of other contacts, so that no side can carry the
             points of this one.
@@ -63,18 +64,18 @@ class ProposedContact:
 
     @property
     def fitted(self) -> bool:
-        """Return whether the sides are curved and run alongside each other, as a pin in a bore."""
+        """Whether the sides are curved and run alongside each other, as a pin in a bore."""
         return self.sagitta > 0.0 and _alongside(self.extremes, self.sagitta)
 
 
 @dataclass(frozen=True)
 class Proposals:
-    """The contacts that a mesh suggests, by their area, largest first.
+    """The contacts that a mesh suggests, by decreasing area.
 
     Attributes:
         bodies: names of the pieces of the mesh.
         contacts: the pairs found.
-        unnamed: places, shape (d,), beside which surfaces without a name are near another body.
+        unnamed: points, shape (d,), at which a surface without a name is near another body.
     """
 
     bodies: tuple[str, ...]
@@ -103,7 +104,9 @@ def proposed_contacts(mesh: MeshArrays, within: float | None = None) -> Proposal
 
 
 def _bodies(mesh: MeshArrays) -> tuple[list[str], Ints]:
-    """Return the names of the pieces of a mesh, and the number of that of each cell, shape (m,)."""
+    """Return the names of the pieces of a mesh, and the number of the piece of each cell, shape
+    (m,).
+    """
     piece = pieces_of(mesh)
     names = [f"body_{number + 1}" for number in range(piece.max() + 1)]
     for name, rows in sorted(mesh.regions.items(), key=lambda item: -len(item[1])):
@@ -120,12 +123,12 @@ class _Facets:
     Attributes:
         corners: their positions, length, shape (f, c, d).
         normal: outward unit normals, shape (f, d).
-        area: on the curved shape, shape (f,).
+        area: area of the curved facet, shape (f,).
         body: number of the body of each, shape (f,).
-        label: number of the boundary of each, shape (f,); negative where it has no name, another
-            number for each smooth surface.
+        label: number of the boundary of each, shape (f,); without a name a negative number, one for
+            each smooth surface.
         length: longest edge of each, shape (f,).
-        sagitta: distance by which each leaves its arc, length, shape (f,).
+        sagitta: deviation of each from its arc, length, shape (f,).
         neighbours: pairs of labels whose surfaces meet smoothly.
     """
 
@@ -197,14 +200,16 @@ def _beside(nodes: Ints, dimension: int) -> tuple[Ints, Ints]:
 
 
 def _labels(mesh: MeshArrays, nodes: Ints, first: Ints, second: Ints) -> Ints:
-    """Return the number of the boundary of each exterior facet, that with the fewest facets where
-    there are several, shape (f,); below zero the numbers of smooth surfaces without a name.
+    """Return the number of the boundary of each exterior facet, shape (f,).
+
+    If there are several, it is the one with the fewest facets; smooth surfaces without a name get
+    negative numbers.
 
     Args:
-        mesh: with its boundaries.
+        mesh: the mesh with its boundaries.
         nodes: corners of each exterior facet, shape (f, c).
         first: one facet of each pair that meets smoothly, shape (e,).
-        second: the other one.
+        second: the other facet of each pair.
     """
     row = rows_of(nodes, mesh.facet_corners)
     of_row = np.full(len(mesh.facets) + 1, -1)  # the last one is that of facets without a row
@@ -222,11 +227,12 @@ def _labels(mesh: MeshArrays, nodes: Ints, first: Ints, second: Ints) -> Ints:
 
 
 def _nearest(facets: _Facets, reach: Array) -> tuple[Ints, Ints, Array]:
-    """Return which facet of another body each facet faces first, along its normal.
+    """Return the facet of another body that each facet faces first along its normal.
 
     Args:
-        facets: of all bodies.
-        reach: how far from each facet, length, shape (f,); of two facets the larger one counts.
+        facets: the facets of all bodies.
+        reach: distance up to which each facet looks, length, shape (f,); of two facets the larger
+            one counts.
 
     Returns:
         The numbers of both facets of each pair, and their signed distance, length, shape (p,) each.
@@ -266,7 +272,7 @@ def _nearest(facets: _Facets, reach: Array) -> tuple[Ints, Ints, Array]:
 
 def _along_normal(facets: _Facets, centre: Array, first: Ints, second: Ints) -> Array:
     """Return the distance from the middle of the first facets to the second ones along the normal
-    of the first, length, shape (p,), infinite where the line misses them.
+    of the first, length, shape (p,); infinite where the line misses the second.
     """
     x = centre[first]
     n = facets.normal[first]
@@ -289,7 +295,9 @@ def _along_normal(facets: _Facets, centre: Array, first: Ints, second: Ints) -> 
 
 @dataclass(frozen=True)
 class _Pair:
-    """Two surfaces that face each other: ``labels`` and ``bodies`` of both, and what was found."""
+    """Two surfaces that face each other: ``labels`` and ``bodies`` of both, and their measured
+    properties.
+    """
 
     labels: tuple[int, int]
     bodies: tuple[int, int]
@@ -304,7 +312,7 @@ class _Pair:
 
 
 def _pairs(facets: _Facets, first: Ints, second: Ints, distance: Array) -> Iterator[_Pair]:
-    """Yield the pairs of surfaces that facets of either side have found."""
+    """Yield the pairs of surfaces that the pairs of facets form."""
     keys = np.stack((facets.body[first], facets.label[first]), axis=1)
     opposite = np.stack((facets.body[second], facets.label[second]), axis=1)
     turned = (keys > opposite)[:, 0]
@@ -346,10 +354,12 @@ def _pairs(facets: _Facets, first: Ints, second: Ints, distance: Array) -> Itera
 
 
 def _radius(corners: Array, normals: Array) -> float:
-    """Return the radius of the circle, sphere or cylinder on which facets have their corners,
-    shape (f, c, d), length, negative where they are concave; 0: they are on none.
+    """Return the radius of the circle, sphere or cylinder through the corners of facets, length,
+    negative if concave; 0 if there is none.
 
-    The corners of meshes are on the surface itself, which facets leave.
+    Corners of meshes lie on the true surface, while facets deviate from it.
+
+    ``corners``: shape (f, c, d); ``normals``: outward normals of the facets.
     """
     middles = corners.mean(axis=1)
     x = np.unique(corners.reshape(-1, corners.shape[2]), axis=0)
@@ -385,7 +395,9 @@ def _radius(corners: Array, normals: Array) -> float:
 
 
 def _alongside(extremes: tuple[float, float], sagitta: float) -> bool:
-    """Return whether distances, length, differ by no more than facets may leave their arcs."""
+    """Return whether the extreme distances, length, differ by no more than the facets of both sides
+    may deviate from their arcs.
+    """
     return extremes[1] - extremes[0] <= 2.0 * sagitta
 
 
@@ -396,10 +408,10 @@ def _joined(
     bodies: Sequence[str],
     size: float,
 ) -> list[ProposedContact]:
-    """Return the contacts, where pairs of the same bodies and kind whose surfaces meet smoothly are
-    one: both halves of a bore.
+    """Return the contacts; pairs of the same bodies and kind whose surfaces meet smoothly become
+    one, as both halves of a bore.
 
-    ``size``: of the mesh, length.
+    ``size``: size of the mesh, length.
     """
 
     def meet(one: int, other: int) -> bool:
@@ -446,8 +458,8 @@ def _joined(
 
 
 def _with_sides(contacts: Sequence[ProposedContact]) -> Iterator[ProposedContact]:
-    """Yield the contacts with names of their own, and such sides that each carries the points of
-    one contact alone.
+    """Yield the contacts with unique names, and with sides exchanged where the first side is used
+    by several contacts but the second is not.
     """
     uses = Counter(name for contact in contacts for side in contact.sides for name in side)
     seen: Counter[str] = Counter()

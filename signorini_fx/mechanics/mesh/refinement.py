@@ -1,10 +1,11 @@
-"""The next mesh: triangles and tetrahedra that are bisected, or lengths of cells that gmsh makes
+"""The next mesh: bisected triangles and tetrahedra, or cell lengths for a mesh that gmsh makes
 anew.
 
 The names of boundaries and regions are kept.  Lengths follow O. C. Zienkiewicz, J. Z. Zhu, Int. J.
 Numer. Meth. Engng 24 (1987): the error of a cell falls with its length to the power of the degree,
-and the next mesh is to have the same error in all cells.  At the ends of a contact it falls more
-slowly, so that another mesh follows: to begin with fewer cells costs less than to have too many.
+and the next mesh shall have the same error in all cells.  At the ends of a contact zone the error
+falls more slowly, so that another mesh follows: starting with too few cells costs less than having
+too many.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
 
 
 def mark(comm: MPI.Comm, squares: Array, share: float = 0.5) -> Indices:
-    """Return the smallest number of cells that have a share of the squared error together
-    (Doerfler), over all ranks: those of this rank, from the squared errors of its owned cells,
-    shape (cells,); collective.
+    """Return the smallest set of cells that holds a ``share`` of the squared error (Doerfler
+    marking), over all ranks: the numbers of those on this rank; collective.
+
+    ``squares``: squared errors of the owned cells, shape (cells,).
     """
     total = parallel.total(comm, squares)
     low = 0.0
@@ -43,8 +45,10 @@ def mark(comm: MPI.Comm, squares: Array, share: float = 0.5) -> Indices:
 
 
 def check_divisible(tagged: TaggedMesh) -> None:
-    """Refuse a mesh whose cells are neither triangles nor tetrahedra, or not straight, by a
-    ``MeshError``.
+    """Check that the cells are straight triangles or tetrahedra.
+
+    Raises:
+        MeshError: they are not.
     """
     simplex = {2: "triangle", 3: "tetrahedron"}[tagged.mesh.topology.dim]
     if tagged.mesh.topology.cell_name() != simplex:
@@ -60,10 +64,10 @@ def check_divisible(tagged: TaggedMesh) -> None:
 
 
 def refine(tagged: TaggedMesh, cells: Indices | None = None) -> TaggedMesh:
-    """Bisect triangles or tetrahedra, at least some cells of this rank, None: all; the mesh stays
-    conforming.
+    """Bisect triangles or tetrahedra, at least the given cells of this rank (None: all); the mesh
+    stays conforming.
 
-    Where only some are divided, the cells of several ranks are distributed anew.
+    If only some are given, the cells are redistributed between the ranks.
 
     Raises:
         MeshError: the cells are neither triangles nor tetrahedra, or not straight.
@@ -116,7 +120,9 @@ _NO_TAG = np.iinfo(np.int32).min
 
 
 def _table(tags: dmesh.MeshTags, index_map: IndexMap) -> Indices:
-    """Return the tag of every entity of this rank, ghosts included; _NO_TAG where there is none."""
+    """Return the tag of every entity of this rank, ghosts included; ``_NO_TAG`` where it
+    has none.
+    """
     table = np.full(index_map.size_local + index_map.num_ghosts, _NO_TAG, dtype=np.int32)
     table[tags.indices] = tags.values
     return table
@@ -134,21 +140,21 @@ def shorter_lengths(
     dimension: int,
     finer: float,
 ) -> Array:
-    """Return the lengths of cells for an error ``factor`` times as small, with the fewest cells;
+    """Return the lengths of cells that reduce the error by ``factor`` with the fewest cells;
     collective.
 
-    Those that this takes may be too many: then the error becomes as small as the allowed number of
-    cells can make it.
+    If this needs more cells than allowed, the error is reduced as far as the allowed number
+    permits.
 
     Args:
         comm: the ranks that share the mesh.
         squares: squared error of each owned cell, shape (cells,).
-        lengths: of these cells.
-        factor: by which the error is to fall.
+        lengths: present lengths of these cells.
+        factor: factor by which the error shall be reduced.
         degree: power of its length with which the error of a cell falls.
-        dimension: of the mesh.
-        finer: how many times finer, on average over the body, the mesh may become: with 2 it has as
-            many cells as one all of whose cells are halved.
+        dimension: dimension of the mesh.
+        finer: how many times finer, on average over the body, the mesh may become: with 2 it may
+            have as many cells as after halving all cells.
     """
     errors = np.sqrt(squares)
     total = parallel.total(comm, squares)
@@ -189,16 +195,17 @@ def size_fields(
     parts: Sequence[Indices],
     finer: float = np.inf,
 ) -> list[SizeField]:
-    """Return lengths that grow slowly from the shortest ones, also from body to body; collective.
+    """Return size fields that grow slowly from the shortest lengths, also from body to body;
+    collective.
 
-    Where these would take too many cells all that differ from those of the mesh become longer by
-    the same factor.
+    If this would need too many cells, all lengths that differ from those of the mesh are increased
+    by one factor.
 
     Args:
         tagged: the mesh.
-        lengths: of the cells that take the place of each owned cell, shape (cells,).
-        parts: cells of this rank; each gets a field, on the first rank, without cells on the
-            others.
+        lengths: the requested lengths in place of each owned cell, shape (cells,).
+        parts: cells of this rank; each part gets a field, which is complete on the first rank and
+            empty on the others.
         finer: see ``shorter_lengths``; cells between short and long ones count as well.
     """
     comm = tagged.mesh.comm
@@ -239,8 +246,8 @@ def _affordable(
     dimension: int,
     finer: float,
 ) -> Array:
-    """Return lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells,
-    up to those of the mesh.
+    """Return lengths at all nodes: ``sizes``, increased by one factor if they need too many cells,
+    but not beyond those of the mesh.
     """
 
     def longer(factor: float) -> Array:
@@ -261,8 +268,8 @@ def _affordable(
 
 
 def _graded(x: Array, sizes: Array) -> Array:
-    """Return lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or
-    about that.
+    """Return lengths at points, reduced such that they differ by about ``SIZE_GROWTH`` times their
+    distance at most.
     """
     from scipy.spatial import cKDTree
 

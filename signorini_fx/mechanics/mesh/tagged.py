@@ -110,7 +110,7 @@ class TaggedMesh(TaggedMeshBase):
 
     def with_joined(self, name: str) -> TaggedMesh:
         """Return the mesh with a boundary whose name joins those of several others, see ``JOIN``;
-        itself where one of these is not there.
+        the same mesh if one of these does not exist.
         """
         parts = name.split(JOIN)
         if name in self.boundaries or not all(part in self.boundaries for part in parts):
@@ -120,8 +120,8 @@ class TaggedMesh(TaggedMeshBase):
         return replace(self, boundaries={**self.boundaries, name: joined})
 
     def inside(self, name: str) -> int:
-        """Return the number of facets of the boundary ``name`` that are inside of the body, on all
-        ranks; collective.
+        """Return the number of elements of the boundary ``name`` that are not exterior facets, on
+        all ranks; collective.
         """
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         owned = tagged[tagged < self.mesh.topology.index_map(self.dimension - 1).size_local]
@@ -130,7 +130,9 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def _exterior(self) -> Flags:
-        """Return which facets of this rank, shape (facets,), are exterior and have a cell here."""
+        """Flags of the facets of this rank, shape (facets,), that are exterior and have a cell
+        here.
+        """
         outer = outer_facets(self.mesh)
         facets = self.mesh.topology.index_map(self.dimension - 1)
         exterior = np.zeros(facets.size_local + facets.num_ghosts, dtype=bool)
@@ -156,11 +158,11 @@ def outer_facets(mesh: dmesh.Mesh) -> Indices:
 
 
 def diameter_of(mesh: dmesh.Mesh) -> float:
-    """Return the largest distance of two points of a mesh, a length; the same on all ranks;
+    """Return the largest distance between two points of a mesh, length; the same on all ranks;
     collective.
 
     Raises:
-        MeshError: all points lie in a plane, in two dimensions on a line.
+        MeshError: all points lie in a plane, in 2D on a line.
     """
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
@@ -183,8 +185,10 @@ def diameter_of(mesh: dmesh.Mesh) -> float:
 
 
 def largest_distance(x: Array) -> float:
-    """Return the largest distance of two points, shape (n, d): groups of them are halved, and pairs
-    of groups that hold none as large are left out.
+    """Return the largest distance between two of the points, shape (n, d).
+
+    Branch and bound: groups of points are halved, and pairs of groups that cannot contain a larger
+    distance are dropped.
     """
     start = x[np.linalg.norm(x - x[0], axis=1).argmax()]
     largest = float(np.linalg.norm(x - start, axis=1).max())
@@ -224,7 +228,7 @@ def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
     """Check the scene against dimension and shape of its mesh; collective.
 
     Raises:
-        SceneError: keys of another dimension than that of the mesh; linear elements on curved
+        SceneError: keys for another dimension than that of the mesh; linear elements on curved
             cells; a negative radius.
     """
     from signorini_fx.mechanics.statement.features import dimension_problems
@@ -250,9 +254,13 @@ def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
 
 
 def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
-    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3,
-    or with ``section`` that the cells are plane and the points may leave them, as with torsion; or
-    a ``MeshError``; collective.
+    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3;
+    collective.
+
+    ``section``: also allow plane cells with points in 3D, as with torsion.
+
+    Raises:
+        MeshError: a check fails.
     """
     if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
         raise MeshError("a node of the mesh has coordinates that are not finite")
@@ -305,12 +313,12 @@ def embed_in_3d(mesh: dmesh.Mesh) -> dmesh.Mesh:
 
 
 def is_section(mesh: dmesh.Mesh) -> bool:
-    """Return whether it has plane cells in 3D."""
+    """Return whether the mesh has plane cells in 3D."""
     return bool(mesh.geometry.dim > mesh.topology.dim)
 
 
 def curvature(tagged: TaggedMesh) -> float:
-    """Return the largest distance of a midside node from the middle of its side, a length; the same
+    """Return the largest distance of a midside node from the middle of its side, length; the same
     on all ranks.
     """
     from signorini_fx.mechanics.mesh.files import cells
@@ -425,10 +433,10 @@ def load_file(
     Args:
         mesh: the file, with the names that the scene gives.
         comm: the ranks that share the mesh.
-        halvings: how often the sides of all cells are halved, for a drawing on the true shape.
-        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as
-            well, if there are curves; None: as the file has it, 1 for a drawing of a CAD program.
-        sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first
+        halvings: how often all cells are halved; drawings are halved on the true shape.
+        degree: degree of the geometry: 1: straight sides; 2 (drawings only): with nodes between the
+            corners, if there are curves; None: as in the file, 1 for a CAD drawing.
+        sizes: for drawings the lengths of facets of some boundaries, or of all cells, on the first
             rank.
     """
     try:
@@ -468,8 +476,8 @@ def _of_file(
 
 
 def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
-    """Return the mesh that ``make`` gives on the first rank, where alone it is called, distributed;
-    collective.
+    """Return the mesh that ``make`` returns, distributed; ``make`` is called on the first rank
+    only; collective.
 
     Raises:
         MeshError: cells have different nodes in the middle of the same edge or face, or one in the
@@ -531,8 +539,11 @@ def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: Indices) -> dmesh
 
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
-    """Return all cells and names of a mesh on the first rank, none on the others, if its degree is
-    at most 2; collective.
+    """Return all cells and names of a mesh on the first rank, and empty arrays on the others;
+    collective.
+
+    Raises:
+        MeshError: the degree of the geometry is above 2.
     """
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
@@ -586,7 +597,7 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
 
 
 def _global_nodes(mesh: dmesh.Mesh, rows: Indices) -> Ints:
-    """Global numbers of geometry nodes, of the same shape."""
+    """Return the global numbers of geometry nodes, in the same shape."""
     numbers: Ints = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
     return numbers.reshape(rows.shape)
 
@@ -657,7 +668,7 @@ def gmsh_mesh(
 
 
 def _rule(text: str) -> Callable[[Array], Flags]:
-    """Return an expression that is true or positive, as a marker."""
+    """Return a marker that is true where an expression is true or positive."""
     expression = Expression(text)
     return lambda x: expression(x) > 0
 
@@ -700,8 +711,8 @@ def tag_boundaries(
 
 
 def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Indices]) -> TaggedMesh:
-    """Return a mesh with names of parts of its boundary, each with its facets; a facet may have
-    several names; collective.
+    """Return a mesh with named boundaries, given by their facets; a facet may have several names;
+    collective.
     """
     facets, tags, names = _combined(mesh.comm, boundaries)
     facet_tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets.astype(np.int32), tags)
@@ -709,8 +720,9 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Indices]) -> TaggedMe
 
 
 def _combined(comm: MPI.Comm, groups: Mapping[str, Integers]) -> tuple[Ints, Indices, _Tags]:
-    """Return one tag for each combination of groups that overlap: members, the tag of each, the
-    tags of groups; collective.
+    """Return tags for groups that may overlap, one for each combination of groups; collective.
+
+    Returns the members, the tag of each, and the tags of each group.
     """
     members = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups.values()]))
     holds = np.zeros((len(members), len(groups)), dtype=bool)

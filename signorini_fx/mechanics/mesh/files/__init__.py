@@ -1,4 +1,4 @@
 """Mesh files of other programs as plain arrays, and back.
 
-These modules know formats and names.  They must not know what a scene does with a mesh.
+These modules deal with formats and names only, not with the use of a mesh in a scene.
 """

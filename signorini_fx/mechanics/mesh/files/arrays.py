@@ -1,4 +1,4 @@
-"""A mesh in 2D or in 3D as plain arrays on one rank: the content of a file, and the body in it."""
+"""A mesh in 2D or 3D as plain arrays on one rank: the content of a file, and the body in it."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def plain(values: Column) -> Any:
 
 
 def bounds(points: Array) -> list[list[float]]:
-    """Return the smallest and the largest coordinates."""
+    """Return the smallest and the largest coordinates of points."""
     found = [plain(points.min(axis=0)), plain(points.max(axis=0))]
     return found
 
 
 def extent(ends: list[list[float]]) -> str:
-    """Return the ends of a box in words."""
+    """Return the bounds of a box as text."""
     return ", ".join(
         f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*ends, strict=True))
     )
@@ -49,8 +49,8 @@ def extent(ends: list[list[float]]) -> str:
 
 @dataclass
 class RawMesh:
-    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block
-    by block.
+    """The content of a file in meshio's layout: blocks of elements of one kind, with sets and data
+    for each block.
     """
 
     points: Array  # positions, shape (n, 2) or (n, 3)
@@ -66,10 +66,10 @@ class RawMesh:
 
 
 class Numbering:
-    """Numbers of nodes or elements in the order of their rows.
+    """A map from numbers of nodes or elements to their rows.
 
     Attributes:
-        again: the rows of numbers that came before.
+        again: the rows whose number has occurred before.
     """
 
     def __init__(self, numbers: Ints) -> None:
@@ -79,7 +79,7 @@ class Numbering:
         self.again = self._order[1:][self._sorted[1:] == self._sorted[:-1]]
 
     def rows(self, wanted: Ints) -> Ints:
-        """Return the row of each number, -1: it is none of these."""
+        """Return the row of each number; -1 for unknown numbers."""
         if not self.numbers.size:
             return np.full(len(wanted), -1)
         places = np.minimum(np.searchsorted(self._sorted, wanted), len(self.numbers) - 1)
@@ -87,8 +87,8 @@ class Numbering:
 
 
 def row_keys(rows: Ints) -> Ints:
-    """Return one number for each row: equal for rows with the same numbers, -1 or more, in any
-    order.
+    """Return one key for each row, equal for rows with the same numbers in any order; numbers are
+    at least -1.
     """
     ordered = 1 + np.sort(rows, axis=1)
     largest = int(ordered.max(initial=0)) + 1
@@ -101,8 +101,8 @@ def row_keys(rows: Ints) -> Ints:
 
 
 def rows_of(wanted: Ints, table: Ints) -> Ints:
-    """Return the position of each row of nodes in a table of distinct rows, in any order of nodes;
-    -1: it has none.
+    """Return the position of each row of nodes in a table of distinct rows, regardless of the order
+    of the nodes; -1 if absent.
     """
     keys = row_keys(np.concatenate((table, wanted)))
     row_numbers = np.full(int(keys.max(initial=0)) + 1, -1)
@@ -137,7 +137,7 @@ class MeshArrays:
 
     @property
     def dim(self) -> int:
-        """2 in 2D, 3 in 3D."""
+        """The dimension of the mesh, 2 or 3."""
         return self.cell.dim
 
     @property
@@ -157,7 +157,7 @@ class MeshArrays:
 
     @property
     def diagonal(self) -> float:
-        """Return the diagonal of the box around the nodes, length."""
+        """The diagonal of the bounding box, length."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
@@ -168,16 +168,15 @@ def from_raw(
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
 ) -> MeshArrays:
-    """Return the cells of a raw mesh with their exterior facets, those inside that have a name, and
-    all names.
+    """Return the cells of a raw mesh with their exterior facets, named interior facets, and all
+    names.
 
-    The mesh is in 3D if it has cells of three dimensions; otherwise it must be in a plane x[2] =
-    constant.
+    The mesh is 3D if it has 3D cells; otherwise it must lie in a plane x[2] = constant.
 
     Args:
         raw: the mesh as read from its file.
         name: name of the mesh in messages.
-        boundaries: names of the scene, as in ``read_mesh``; they replace those of the file.
+        boundaries: names given by the scene, as in ``read_mesh``; they replace those of the file.
         regions: the same for cells.
         data: the cell data that numbers refer to; None: the only one that has any.
 
@@ -265,8 +264,11 @@ def from_raw(
 
 
 def _check_crossing(points: Array, cells: Ints, cell: Cell, name: str) -> None:
-    """Refuse cells that cross by a ``MeshError``: a node in the middle of corners is in the middle
-    of no others, and all cells with these corners have that node.
+    """Check that cells do not cross: each node between corners belongs to one set of corners, and
+    each set of corners has one such node.
+
+    Raises:
+        MeshError: cells cross.
     """
     keys = [np.empty(0, dtype=np.int64)]
     nodes = [np.empty(0, dtype=np.int64)]
@@ -288,7 +290,7 @@ def _check_crossing(points: Array, cells: Ints, cell: Cell, name: str) -> None:
 
 
 def _with_several(keys: Ints, values: Ints) -> Flags:
-    """Return whether the key of each row has several values, shape (rows,)."""
+    """Return the flags of rows whose key occurs with several values, shape (rows,)."""
     one = np.zeros(int(keys.max(initial=0)) + 1, dtype=np.int64)
     one[keys] = values
     several = np.zeros(len(one), dtype=bool)
@@ -298,8 +300,8 @@ def _with_several(keys: Ints, values: Ints) -> Flags:
 
 @dataclass(frozen=True)
 class _Entities:
-    """Entities that can have names, the exterior facets or the cells, and the elements of the file
-    that may be some.
+    """The entities that can have names, exterior facets or cells, and the elements of the file that
+    correspond to them.
     """
 
     key: str  # the key of the scene for their names
@@ -310,7 +312,7 @@ class _Entities:
     data: Mapping[str, Mapping[int, Ints]]  # name -> number -> elements
 
     def take(self, elements: Ints) -> Ints:
-        """Return the entities that elements are, sorted."""
+        """Return the entities that correspond to some elements, sorted."""
         numbers = self.number[elements]
         return np.unique(numbers[numbers >= 0])
 
@@ -318,7 +320,7 @@ class _Entities:
 def _entities(
     raw: RawMesh, key: str, word: str, nodes: Ints, blocks: list[int], number: Ints
 ) -> _Entities:
-    """Return the entities that the elements of some blocks are, one block after the other."""
+    """Return the entities for the elements of some blocks, which are numbered block after block."""
     firsts = np.cumsum([0, *(len(raw.blocks[n][1]) for n in blocks)])[:-1]
     placed = list(zip(blocks, firsts, strict=True))
     none = np.empty(0, dtype=np.int64)
@@ -336,7 +338,9 @@ def _entities(
 
 
 def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
-    """Return the elements that have each number, in the order of the numbers; below 0 is none."""
+    """Return the elements that have each number, by ascending numbers; negative numbers
+    mean none.
+    """
     order = np.argsort(values := np.concatenate(numbers), kind="stable")
     found, first = np.unique(values[order], return_index=True)
     parts = np.split(np.concatenate(elements)[order], first[1:])
@@ -346,7 +350,7 @@ def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
 def _no_number(
     entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str
 ) -> str:
-    """Return the message about a number that no entity has."""
+    """Return the message for a number that no entity has."""
     if numbers is not None:
         known_numbers = ", ".join(map(str, numbers)) or "none"
         return (
@@ -389,8 +393,8 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
 
 
 def _points_of(positions: Array, cells: Ints, dim: int, name: str) -> tuple[Array, Ints, Ints]:
-    """Return points that cells use, the cells in their numbers, and the new number of every point
-    (-1: dropped).
+    """Return the points that cells use, the cells in the new numbers, and the new number of every
+    point (-1: dropped).
     """
     used = np.zeros(len(positions), dtype=bool)
     used[cells] = True
@@ -410,7 +414,7 @@ def _points_of(positions: Array, cells: Ints, dim: int, name: str) -> tuple[Arra
 
 
 def _check_plane(points: Array, name: str) -> None:
-    """Refuse cells of two dimensions that are not in a plane x[2] = constant."""
+    """Raise a MeshError if 2D cells are not in a plane x[2] = constant."""
     spread = np.ptp(points, axis=0)
     if spread[2] <= 1e-9 * max(spread[:2]):
         return
@@ -425,8 +429,8 @@ def _check_plane(points: Array, name: str) -> None:
 
 
 def _complete(points: Array, cells: Ints, cell: Cell, weights: Array) -> tuple[Array, Ints]:
-    """Return points and cells with the nodes in the middle of faces that the cells lack, joined
-    where cells meet.
+    """Return points and cells with the missing nodes in the middle of faces and cells; cells that
+    meet share them.
     """
     new = cell.nodes[cells.shape[1] :]
     # A face is identified by its corners, a cell by its number.
@@ -446,15 +450,16 @@ def _complete(points: Array, cells: Ints, cell: Cell, weights: Array) -> tuple[A
 
 
 def sides_of(cells: Ints, cell: Cell) -> Ints:
-    """Return nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a
-    facet).
+    """Return the nodes of all facets of all cells, cell by cell, shape (facets of a cell * m, nodes
+    of a facet).
     """
     return cells[:, cell.facet_nodes].reshape(-1, cell.facet_nodes.shape[1])
 
 
 def pieces_of(mesh: MeshArrays) -> Ints:
-    """Return the number of the piece that each cell is in, shape (m,): pieces share no facet, so
-    that they transmit no forces to each other.
+    """Return the number of the piece that each cell is in, shape (m,).
+
+    Pieces share no facet, so that they transmit no forces to each other.
     """
     sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
     cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facet_nodes))
@@ -467,8 +472,9 @@ def pieces_of(mesh: MeshArrays) -> Ints:
 
 
 def _exterior(sides: Ints, width: int, name: str) -> Ints:
-    """Return the sides with so many corners that belong to one cell only, in the order of the
-    cells.
+    """Return the sides that belong to one cell only, in the order of the cells.
+
+    ``width``: number of corners of a side.
     """
     keys = row_keys(sides[:, :width])
     counts = np.bincount(keys)
@@ -484,9 +490,7 @@ def _exterior(sides: Ints, width: int, name: str) -> Ints:
 
 
 def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
-    """Return the sides of cells inside the body with the corners of some named facets, each
-    once.
-    """
+    """Return the interior sides of cells that have the corners of a named facet, each once."""
     width = named.shape[1]
     wanted = named[rows_of(named, exterior[:, :width]) < 0]
     if not wanted.size:
@@ -496,7 +500,9 @@ def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
 
 
 def _numbers(entities: _Entities, data: str | None, name: str) -> Mapping[int, Ints] | None:
-    """Return the cell data that numbers refer to; None if there is none, or more than one."""
+    """Return the cell data that numbers refer to; None if there are none, or if the choice is
+    ambiguous.
+    """
     if data is None:
         possible = [numbers for numbers in entities.data.values() if numbers]
         return possible[0] if len(possible) == 1 else None

@@ -1,5 +1,5 @@
-"""The kinds of elements in meshes, whose corners, nodes and facets have the order of dolfinx;
-measure and validity.
+"""The kinds of mesh elements, their measures and validity; corners, nodes and facets are in the
+order of dolfinx.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Cell:
 
     @cached_property
     def corners(self) -> Array:
-        """Return the corners on the reference cell, shape (corners, dim)."""
+        """The corners of the reference cell, shape (corners, dim)."""
         return basix.geometry(self.basix_type)
 
     @cached_property
@@ -55,7 +55,7 @@ class Cell:
 
     @cached_property
     def nodes(self) -> list[Corners]:
-        """Return for each node the corners whose middle it is; a corner is its own middle."""
+        """For each node the corners whose mean it is; a corner is its own mean."""
         entities = enumerate(basix.topology(self.basix_type))
         middles = [
             tuple(corners)
@@ -74,7 +74,7 @@ class Cell:
 
     @property
     def places(self) -> Array:
-        """Return the nodes on the reference cell, shape (nodes, dim)."""
+        """The positions of the nodes in the reference cell, shape (nodes, dim)."""
         return self._element.points
 
     @cached_property
@@ -83,16 +83,16 @@ class Cell:
         return basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
 
     def shape(self, x: Array) -> Array:
-        """Shape functions at places of the reference cell, shape (places, dim) -> (places,
-        nodes).
+        """Return the shape functions, shape (points, nodes), at points of the reference cell, shape
+        (points, dim).
         """
         # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of
         # symmetry.
         return self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS)
 
     def gradient(self, x: Array) -> Array:
-        """Return the derivatives of the basis functions at places, shape (places, dim) -> (dim,
-        places, nodes).
+        """Return the derivatives of the shape functions, shape (dim, points, nodes), at points of
+        the reference cell, shape (points, dim).
         """
         return self._element.tabulate(1, x)[1:, :, :, 0]
 
@@ -113,7 +113,7 @@ CELLS = {cell.kind: cell for cell in _KINDS}
 
 
 def kind_of_mesh(mesh: Mesh) -> Cell | None:
-    """Return the kind of the cells of a mesh of dolfinx; None for a geometry of a degree above
+    """Return the kind of the cells of a dolfinx mesh; None if the degree of the geometry is above
     2.
     """
     from signorini_fx.machine import compat
@@ -127,8 +127,8 @@ def kind_of_mesh(mesh: Mesh) -> Cell | None:
 
 
 def order_in(program: str, kind: Cell) -> Ints:
-    """Node k of an element is that with this number in ``gmsh``, or in ``vtk``, as meshio has
-    it.
+    """Return the number in ``gmsh``, or in ``vtk`` (the order of meshio), of each node of an
+    element.
     """
     import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
     from dolfinx.io import utils
@@ -150,9 +150,9 @@ _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
 def completed(kind: str) -> tuple[Cell, Array] | None:
-    """Return the kind of the same shape that completes an element without nodes in the middle of
-    its faces, and the weights of the existing nodes in each of its nodes, shape (nodes, existing
-    nodes); None for any other kind.
+    """Return the complete kind for an element without nodes in the middle of its faces, and the
+    weights of the existing nodes in each of its nodes, shape (nodes, existing nodes); None for any
+    other kind.
     """
     if kind not in _COMPLETE:
         return None
@@ -174,8 +174,8 @@ def family(kind: str) -> str:
 
 
 def dimension(kind: str) -> int:
-    """Return the dimension of an element of a file, also of one that is no kind of cell here;
-    unknown ones are solids.
+    """Return the topological dimension of an element of a file, also of kinds that are not
+    supported as cells; unknown kinds count as solids.
     """
     return _DIMENSIONS.get(family(kind), 3)
 
@@ -184,17 +184,16 @@ def dimension(kind: str) -> int:
 
 
 def measures(points: Array, nodes: Ints, cell: Cell) -> Array:
-    """Length, area or volume of each element, on its curved shape if it is one, shape (m,), from
-    points, shape (n, d), and the nodes of each, shape (m, k), of a kind of d dimensions or of one
-    less.
+    """Return the length, area or volume of each element, including curved sides, shape (m,).
+
+    ``points``: shape (n, d); ``nodes``: the nodes of each element, shape (m, k); ``cell``: their
+    kind, of dimension d or d - 1.
     """
     return nodal_measures(points, nodes, cell).sum(axis=1)
 
 
 def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
-    """Return the integral of each shape function over each element, which is the share of its node,
-    shape (m, k).
-    """
+    """Return the integral of each shape function over each element, shape (m, k)."""
     x, weights = basix.make_quadrature(cell.basix_type, _DEGREE)
     shares = [np.empty((0, len(cell.nodes)))]
     for start in range(0, len(nodes), _CHUNK):
@@ -209,15 +208,15 @@ def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
 
 
 def _jacobian(points: Array, nodes: Ints, cell: Cell, x: Array) -> Array:
-    """Return derivatives of the position at places of the reference cell, shape (m, places, d,
+    """Return the derivatives of the position at points of the reference cell, shape (m, points, d,
     dim).
     """
     return np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True)
 
 
 def curvature(points: Array, cells: Ints, cell: Cell) -> float:
-    """Return the largest distance of a node between corners from where that of a straight cell
-    would be, a length.
+    """Return the largest distance of a node between corners from its place in a straight cell,
+    length.
     """
     away = [
         points[cells[:, k]] - points[cells[:, list(ends)]].mean(axis=1)
@@ -227,8 +226,10 @@ def curvature(points: Array, cells: Ints, cell: Cell) -> float:
 
 
 def check_shape(points: Array, cells: Ints, cell: Cell, name: str) -> None:
-    """Refuse cells that are flat or folded by a ``MeshError``: how many there are and where the
-    first one is.
+    """Check that no cell is flat or folded.
+
+    Raises:
+        MeshError: some cells are; the message states how many and where the first one is.
     """
     parts = [_spoilt(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
     flat, folded = (np.concatenate(flags) for flags in zip(*parts, strict=True))
@@ -250,7 +251,9 @@ def check_shape(points: Array, cells: Ints, cell: Cell, name: str) -> None:
 
 
 def _spoilt(points: Array, cells: Ints, cell: Cell) -> tuple[Flags, Flags]:
-    """Return which cells are flat at a corner, and which are inverted between two nodes."""
+    """Return the flags of cells that are flat at a corner, and of those whose Jacobian changes its
+    sign.
+    """
     jacobian = _jacobian(points, cells, cell, cell.places)
     size = np.linalg.det(jacobian)
     spanned = np.sqrt(np.einsum("mqdj,mqdj->mqj", jacobian, jacobian).prod(axis=2))

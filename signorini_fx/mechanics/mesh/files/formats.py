@@ -42,16 +42,16 @@ def read_file(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """Return a mesh in 2D or in 3D from a file, the format by its suffix.
+    """Return a 2D or 3D mesh from a file; its suffix determines the format.
 
-    A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other
-    meshes are divided, on their own curved sides.  With ``joined`` solids of a CAD drawing that
-    touch or overlap share faces; the other arguments are those of ``load_file``.
+    A drawing (.geo, .step, .stp, .brep) is meshed again on the true shape; the cells of other
+    meshes are divided, along their own curved sides.  With ``joined``, solids of a CAD drawing that
+    touch or overlap share faces.  For the other arguments see ``load_file``.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of
             cell.
-        SceneError: a selection is empty, or a length cannot be had.
+        SceneError: a selection is empty, or a cell size cannot be made.
     """
     file = mesh.file
     suffix = mesh.file.suffix.lower()
@@ -101,8 +101,10 @@ def read_file(
 
 
 def files_of(file: Path) -> list[Path]:
-    """Return a file of a mesh or of anything else, and what it includes as an Abaqus input file; or
-    a ``MeshError``.
+    """Return a file, and if it is an Abaqus input file the files that it includes.
+
+    Raises:
+        MeshError: the add-on for decks is missing or cannot read the file.
     """
     return (
         list(add_on("deck_files").read_keywords(file)[1])
@@ -112,10 +114,10 @@ def files_of(file: Path) -> list[Path]:
 
 
 def raw_of(mesh: MeshInMemory) -> RawMesh:
-    """Return the content of a mesh that another program has in memory.
+    """Return the content of a mesh that another program holds in memory.
 
     Raises:
-        MeshError: it has no cells, or its program is not the one that made it.
+        MeshError: it has no cells, or it cannot be read.
     """
     if mesh.program == "meshio":
         return _of_meshio(mesh.source)
@@ -135,9 +137,10 @@ def raw_of(mesh: MeshInMemory) -> RawMesh:
 
 
 def read_meshio(file: Path, kind: str) -> RawMesh:
-    """Return the content of a file of a format of meshio.
+    """Return the content of a file in a format of meshio.
 
-    The format is called itself, because ``meshio.read`` ends the process if it cannot read a file.
+    The reader of the format is called directly, because ``meshio.read`` ends the process if it
+    cannot read a file.
 
     Raises:
         MeshError: it cannot be read, or meshio or h5py is not installed.
@@ -193,8 +196,8 @@ def _of_meshio(mesh: meshio.Mesh) -> RawMesh:
 
 
 def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
-    """Return a mesh and tags that dolfinx has written into one XDMF file, of which meshio would
-    read the mesh alone.
+    """Return a mesh and tags that dolfinx has written into one XDMF file, from which meshio would
+    read the mesh only.
     """
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
     from dolfinx import mesh as dmesh

@@ -1,4 +1,4 @@
-"""Files that gmsh reads, in this process: its meshes, its scripts, and CAD drawings, which it
+"""Files that gmsh reads in this process: its meshes, its scripts, and CAD drawings, which it
 meshes.
 """
 
@@ -63,12 +63,12 @@ _NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
 
 @contextlib.contextmanager
 def gmsh_session(failure: str) -> Iterator[ModuleType]:
-    """The module gmsh with an empty model and the same options for everybody: silent, and no file
-    of options is read.
+    """Yield the module gmsh with an empty model and default options: silent, and without reading
+    files of options.
 
     Raises:
-        InstallationError: it is not installed, or its wheel lacks a library of the system.
-        MeshError: ``failure`` and what gmsh raised.
+        InstallationError: gmsh is not installed, or its wheel lacks a system library.
+        MeshError: ``failure`` and the message of gmsh.
     """
     try:
         import gmsh
@@ -92,8 +92,8 @@ def gmsh_session(failure: str) -> Iterator[ModuleType]:
 
 @contextlib.contextmanager
 def _opened(gmsh: ModuleType) -> Iterator[None]:
-    """A session of gmsh with its default options, or within one that the caller has open, whose
-    models and options are left as they were.
+    """Open a session of gmsh with its default options; within an open session of the caller its
+    models and options are restored afterwards.
     """
     if not gmsh.isInitialized():
         gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -132,8 +132,10 @@ def read_gmsh(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """Return a mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content
-    of the file, the other arguments are those of ``formats.read_file``.
+    """Return a mesh file, or a drawing after gmsh has meshed it.
+
+    ``named``: makes the mesh from the content of the file; for the other arguments see
+    ``formats.read_file``.
     """
     file = mesh.file
     suffix = mesh.file.suffix.lower()
@@ -158,7 +160,7 @@ def read_gmsh(
 
 
 def content(gmsh: ModuleType) -> RawMesh:
-    """Return the mesh of the current model; physical groups are sets."""
+    """Return the mesh of the current model; physical groups become sets."""
     tags, x, _ = gmsh.model.mesh.getNodes()
     numbering = Numbering(np.asarray(tags, dtype=np.int64))
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
@@ -194,7 +196,7 @@ def content(gmsh: ModuleType) -> RawMesh:
 
 
 def _order(kind: str, count: int) -> Ints:
-    """Node k of an element of meshio is the node with this number in gmsh."""
+    """Return the gmsh number of each node of an element in meshio's order."""
     full_cell = completed(kind)
     cell = CELLS.get(kind) if full_cell is None else full_cell[0]
     return (
@@ -205,8 +207,11 @@ def _order(kind: str, count: int) -> Ints:
 
 
 def _check_ends(file: Path, form: str) -> None:
-    """Refuse a file without the header of its format, and a drawing cut off, which OpenCASCADE may
-    wait for forever.
+    """Check that a file has the header of its format, and that a drawing is complete: OpenCASCADE
+    may hang on one that is cut off.
+
+    Raises:
+        MeshError: the header or the last line is missing.
     """
     if not _begins_as(file, form):
         first = _BEGINNINGS[form][0].decode()
@@ -216,7 +221,9 @@ def _check_ends(file: Path, form: str) -> None:
 
 
 def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozenset()) -> None:
-    """Refuse a script that starts programs, writes files, or reads files outside its folder."""
+    """Raise a MeshError if a script starts programs, writes files, or reads files outside its
+    folder.
+    """
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
     if name and not text.endswith("\n"):
@@ -250,15 +257,15 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
 
 
 def _begins_as(file: Path, *forms: str) -> bool:
-    """Return whether a file begins as those of some formats do."""
+    """Return whether a file begins like files of one of these formats."""
     with file.open("rb") as stream:
         start = stream.read(256).lstrip()
     return start.startswith(tuple(word for form in forms for word in _BEGINNINGS[form]))
 
 
 def _run(gmsh: ModuleType, file: Path) -> None:
-    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left
-    this one.
+    """Run a gmsh script to its end even after errors: gmsh's parser would otherwise continue the
+    next script from where this one stopped.
     """
     text = file.read_bytes()
     if text.startswith(b"$"):
@@ -283,8 +290,9 @@ def _run(gmsh: ModuleType, file: Path) -> None:
 
 
 def _import(gmsh: ModuleType, file: Path, form: str, size: float | None, *, joined: bool) -> None:
-    """Import a CAD drawing; each surface is a physical group with its number, and so is each
-    solid.
+    """Import a CAD drawing; each surface and each solid becomes a physical group with its number.
+
+    ``joined``: merge shared faces of solids that touch or overlap.
     """
     shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
     if joined and len(shapes) > 1:
@@ -310,7 +318,7 @@ def _import(gmsh: ModuleType, file: Path, form: str, size: float | None, *, join
 
 
 def _mesh(gmsh: ModuleType, halvings: int, degree: int | None) -> None:
-    """Mesh the drawing."""
+    """Mesh the drawing, halve its cells ``halvings`` times, and set the degree of the geometry."""
     if (
         degree
     ):  # a script's own order would interfere with the division, and with the kinds of cells
@@ -327,7 +335,7 @@ def _mesh(gmsh: ModuleType, halvings: int, degree: int | None) -> None:
 
 
 def _inverted(gmsh: ModuleType) -> bool:
-    """Return whether a curved solid cell has been turned inside out."""
+    """Return whether a curved solid cell is turned inside out."""
     mesh = gmsh.model.mesh
     kinds = [kind for kind in mesh.getElementTypes(3) if mesh.getElementProperties(kind)[2] > 1]
     cells = [mesh.getElementsByType(kind)[0] for kind in kinds]
@@ -335,11 +343,11 @@ def _inverted(gmsh: ModuleType) -> bool:
 
 
 def set_order(gmsh: ModuleType, order: int) -> None:
-    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is
-    inverted.
+    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid cell
+    is inverted.
 
     Raises:
-        MeshError: the cells are too large for the arcs.
+        MeshError: a cell is inverted, as cells are too large for the arcs.
     """
     gmsh.model.mesh.setOrder(order)
     # gmsh could move the nodes, but ends the whole process if it finds no place for them.

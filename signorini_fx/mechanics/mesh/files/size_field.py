@@ -1,9 +1,8 @@
-"""The lengths of cells as one background field of gmsh, on a mesh that exists already, by which it
-makes the next one.
+"""Cell sizes as one background field of gmsh, given on an existing mesh, for making the next mesh.
 
-gmsh interpolates the lengths at the corners of that mesh: its size field ``PostView``.  That mesh
-also tells where a boundary in contact is, so that it may be a part of a surface, or several.  No
-dolfinx here.
+gmsh interpolates the sizes at the corners of the existing mesh: its size field ``PostView``.  That
+mesh also gives the place of a boundary in contact, which may thus be a part of a surface, or
+several.  This module does not use dolfinx.
 """
 
 from __future__ import annotations
@@ -27,15 +26,17 @@ _VIEWS = {"triangle": "ST", "quad": "SQ", "tetra": "SS", "hexahedron": "SH"}
 
 @dataclass(frozen=True, eq=False)
 class SizeField:
-    """Lengths of cells at the corners of a mesh."""
+    """The lengths of cells at the corners of a mesh."""
 
     points: Array  # positions, shape (n, d)
     cells: Ints  # corners of each cell, shape (m, c)
     sizes: Array  # length of the cells at each point, shape (n,)
 
     def apply(self, gmsh: ModuleType, unit: float = 1.0) -> None:
-        """Let the current model of gmsh, which has a unit of this length, have cells of these
-        lengths alone, whatever its own settings are.
+        """Make this field the only source of cell sizes in the current gmsh model, overriding its
+        own settings.
+
+        ``unit``: length of the model's unit.
         """
         dim = self.points.shape[1]
         kind = next(
@@ -80,20 +81,20 @@ def with_sizes(
     cure: str,
     unit: float = 1.0,
 ) -> MeshArrays | None:
-    """Return the mesh of the current model with cells of some lengths, or None if its boundaries
-    are to have no others.
+    """Return the mesh of the current model with cells of the given lengths; None if none of its
+    boundaries is to have any.
 
     Args:
         gmsh: the module.
-        before: gives the mesh with straight cells that the model has of itself.
-        make: makes the mesh that is wanted, whose facets may be shorter.
+        before: returns the model's own mesh with straight cells.
+        make: makes the requested mesh, whose facets may be shorter.
         sizes: the lengths.
-        cure: what to change where gmsh cannot make them.
+        cure: advice for the message if gmsh cannot make them.
         unit: length of the model's unit.
 
     Raises:
-        SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such
-            facets.
+        SceneError: all facets of a boundary are shorter than the given length already, or gmsh
+            cannot make such facets.
     """
     field = sizes
     wanted = list[ContactSize]()
@@ -126,8 +127,8 @@ def with_sizes(
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
-    """Return the lengths of cells around each corner; shorter at some boundaries, growing by
-    ``SIZE_GROWTH`` per length.
+    """Return the mean length of the cells around each corner, reduced near some boundaries, and
+    growing from there by ``SIZE_GROWTH`` per length.
     """
     from scipy.spatial import cKDTree
 
@@ -143,6 +144,6 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
 
 
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Array:
-    """Return the longest edge of each facet of a boundary, shape (f,)."""
+    """Return the length of the longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
     return np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0)
