@@ -81,7 +81,9 @@ class FoldedSide(MovingPair):
         super().settle(state)
 
     def remembered(self) -> dict[str, Field]:
-        """Return the side of the nodes of this rank: 1 with points, -1 opposite, 0 neither."""
+        """Return the side of the nodes of this rank as a field: 1 with points, -1 opposite, 0
+        neither.
+        """
         index_map = self.sides.space.dofmap.index_map
         count = index_map.size_local + index_map.num_ghosts
         names = index_map.local_to_global(np.arange(count, dtype=np.int32))

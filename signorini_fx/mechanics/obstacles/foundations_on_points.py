@@ -93,8 +93,8 @@ class Foundations:
 
     All methods are collective.
 
-    ``facets``: the facets of each foundation or slave, owned, local numbers; ``names``: the
-    boundary name of each contact; ``masters``: the facets of the opposite side of each pair, by its
+    ``facets``: the facets of each foundation or slave, owned, local numbers; ``names``: the name of
+    each contact in its form; ``masters``: the facets of the opposite side of each pair, by its
     number among the contacts.
     """
 

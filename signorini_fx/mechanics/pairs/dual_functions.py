@@ -74,7 +74,7 @@ def carried(
 def carried_evenly(
     side: PairSurface, covered: Ints, weight: Array, movable: Array
 ) -> tuple[Ints, sp.csr_array]:
-    """Return the result of ``carried`` for a side that slides, such that the shares change
+    """Return nodes and shares as ``carried`` does, for a side that slides: the shares change
     continuously with the weights.
 
     While the covered share of its area falls between two thresholds, the function of a node at the
@@ -82,7 +82,7 @@ def carried_evenly(
     when it ceases to be a point.  The same applies to a supported node, by how much the opposite
     side is held.
 
-    ``movable``: see ``Tested``.
+    ``movable``: see ``Tested``; for the other arguments see ``carried``.
     """
     pairs, tested_nodes = _together(side, covered)
     able = tested_nodes & ~side.unable & ~side.without_area & (side.area > 0)

@@ -339,8 +339,8 @@ class Kinks:
     Attributes:
         pairs: number of a pair of facets that has the same functions, shape (v,).
         functions: the dual functions there, times lengths and the jump, shape (v, t).
-        share: coefficients of the local vectors of the pair, see ``SlidingPieces``, in the velocity
-            of passing, shape (v, c).
+        share: coefficients of the local vectors of the pair, see ``SlidingPieces``, in d_m - d_s -
+            g dN, the displacement with which they pass by, shape (v, c).
         across: unit vector in the direction of passing, shape (v, d).
     """
 

@@ -1,6 +1,6 @@
-"""What is stated before there is a mesh: effects with their data, load steps, rigid shapes and
-motions, settings.
+"""The data of a problem before it has a mesh: effects, load steps, rigid shapes and motions,
+settings.
 
-This package knows units, values, expressions and the error messages about them.  It must not know
-forms or solvers, and imports dolfinx, PETSc and MPI nowhere before a function needs them.
+This package defines units, values, expressions and their error messages.  It must not use forms or
+solvers, and imports dolfinx, PETSc and MPI only within functions that need them.
 """

@@ -1,5 +1,5 @@
-"""The base class of all tables of a scene, and errors in a scene as messages of this package: the
-path of the key, what is wrong, and what is allowed.
+"""The base class of all tables of a scene, and the conversion of validation errors to messages of
+this package: the path of the key, what is wrong, and what is allowed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ else:
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field, PrivateAttr))
 class _OwnErrors(_ModelMetaclass):
-    """Models that are built in Python raise the errors of this package as well."""
+    """Metaclass of tables: tables built in Python, too, raise the errors of this package."""
 
     def __call__(cls, *positional: Any, **data: Any) -> Any:
         table = cast("type[Table]", cls)
@@ -61,8 +61,8 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Show keys and defaults in help and notebooks, and not the types by which they are
-        checked.
+        """Set a signature with keys and defaults for help and notebooks, without the validation
+        types.
         """
         parameters = (
             Parameter(
@@ -78,7 +78,7 @@ class Table(BaseModel, metaclass=_OwnErrors):
         )
 
     def __iter__(self) -> Generator[tuple[str, Any], None, None]:
-        """The keys with their values, without what is kept of what follows from them."""
+        """Yield the keys with their values, without cached properties."""
         for name in type(self).model_fields:
             yield name, getattr(self, name)
 
@@ -87,13 +87,15 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     @property
     def timed(self) -> bool:
-        """Return whether a value depends on the time t: an expression, a vector, a shape or a
-        friction law.
+        """Whether some value depends on the time t: an expression, a vector, a shape or a friction
+        law.
         """
         return any(_timed(value) for key, value in self if key not in self.asked_later)
 
     def at_time(self, time: float) -> Self:
-        """Return the table with its values at a time; itself if none depends on the time."""
+        """Return the table with its values at a time; the same object if none depends on
+        the time.
+        """
         timed = [key for key, value in self if key not in self.asked_later and _timed(value)]
         return (
             self.model_copy(update={key: at_time(getattr(self, key), time) for key in timed})
@@ -102,15 +104,15 @@ class Table(BaseModel, metaclass=_OwnErrors):
         )
 
     def remade(self, **changes: Any) -> Self:
-        """Return the table with other entries of some keys, all validated again."""
+        """Return the table with changed entries; all entries are validated again."""
         return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | changes)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a changed copy, whose new values are not validated; a single table stands for a
-        list of one.
+        """Return a copy with changed values, which are not validated; a single table becomes a list
+        of one where a list is expected.
 
         Raises:
-            SceneError: a key is not known.
+            SceneError: a key is unknown.
         """
         fields = type(self).model_fields
         changes = dict(update or {})
@@ -137,14 +139,14 @@ def _timed(value: object) -> bool:
 
 
 def at_time(value: Any, time: float) -> Any:
-    """Return a value, or each of several, at a time, if it depends on it."""
+    """Return a value, or each entry of a tuple, at a time, where it depends on the time."""
     if isinstance(value, tuple):
         return tuple(at_time(entry, time) for entry in value)
     return value.at_time(time) if _timed(value) else value
 
 
 def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:
-    """Return the error of a validator that has found several, each with its place in the table."""
+    """Return a validation error with several problems, each with its location in the table."""
     details = [
         InitErrorDetails(
             type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=location, input={}
@@ -203,8 +205,10 @@ def _entries(count: int) -> str:
 def problems_of(
     error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]
 ) -> list[tuple[str, str]]:
-    """Return the errors that pydantic found in data that should fit a model, in the form that
-    ``SceneError`` needs: one for each path, which says what each of several types expects.
+    """Return the errors that pydantic found in ``data`` as pairs of path and message for
+    ``SceneError``.
+
+    Errors at the same path, one for each allowed type, are joined.
     """
     by_path: dict[str, list[str]] = {}
     for detail in error.errors():
@@ -216,8 +220,8 @@ def problems_of(
 def _problem(
     detail: ErrorDetails, data: Mapping[str, Any], model: type[BaseModel]
 ) -> tuple[str, str]:
-    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union
-    labels.
+    """Return path and message for one pydantic error: list positions as [i], without pydantic's
+    union labels.
     """
     path = ""
     node = data
@@ -255,7 +259,9 @@ _ELSEWHERE = {
 
 
 def _meant(key: str, model: type[BaseModel]) -> str:
-    """Return the place that an unknown key belongs to, or the key that was perhaps meant."""
+    """Return advice for an unknown key: the table that it belongs to, or a key with a
+    similar name.
+    """
     if key in _ELSEWHERE:
         return f": {_ELSEWHERE[key]}"
     if key in model.model_fields and model.__name__ == "Scene":
@@ -274,21 +280,21 @@ def _meant(key: str, model: type[BaseModel]) -> str:
 
 
 def _own_tables(annotation: type | None) -> set[type[BaseModel]]:
-    """Return the tables that an annotation allows."""
+    """Return the table classes that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return {annotation}
     return set().union(*map(_own_tables, get_args(annotation)))
 
 
 def tables(annotation: type | None) -> set[type[BaseModel]]:
-    """Return the tables that an annotation allows, and those in them."""
+    """Return the table classes that an annotation allows, and those nested in them."""
     own = _own_tables(annotation)
     inner = (tables(field.annotation) for table in own for field in table.model_fields.values())
     return own.union(*inner)
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
-    """Return all keys of a table and of those that derive from it."""
+    """Return all keys of a table and of its subclasses."""
     return set(model.model_fields).union(*map(_keys, model.__subclasses__()))
 
 
@@ -297,6 +303,6 @@ JOIN = " + "
 
 
 class TaggedMeshBase:
-    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing
+    """The base class of ``mesh.TaggedMesh``, which lets a scene hold a mesh without importing
     dolfinx.
     """

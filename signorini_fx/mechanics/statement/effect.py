@@ -1,6 +1,6 @@
-"""What the effects of a scene have in common.
+"""The base classes of the effects of a scene: loads, supports, contacts and other entries.
 
-Other packages have more by entry points, whose names are keys of a scene as well:
+Other packages add effects by entry points, whose names become keys of a scene:
 
     [project.entry-points."signorini_fx.effects"]
     magnet = "its.module:Magnet"
@@ -37,32 +37,34 @@ _Model = TypeVar("_Model", bound=type[BaseModel])
 
 
 class Coefficients(Protocol):
-    """Values of a scene in the body or on a boundary: as UFL, or as arrays of n points.
+    """Values of a scene in the body or on a boundary, as UFL or as arrays at n points.
 
-    As UFL vectors have the shape (d,) and values (), as arrays (d, n) and (n,): what arithmetic
-    says is said of both.
+    As UFL, vectors have the shape (d,) and scalars (); as arrays (d, n) and (n,).  Code that uses
+    only arithmetic works for both.
     """
 
     @property
     def normal(self) -> FieldValue:
-        """Outward unit normal."""
+        """The outward unit normal."""
 
     @property
     def position(self) -> FieldValue:
-        """X, length; a vector."""
+        """The position x, length; a vector."""
 
     @property
     def density(self) -> FieldValue | float:
-        """Return the density of the material, mass per volume."""
+        """The density of the material, mass per volume."""
 
     def total(self, effect: Effect) -> FieldValue | float:
         """Return the integral of ``effect.spread`` over the boundary of the effect, a number."""
 
     def value(self, value: Value) -> FieldValue:
-        """Return a value."""
+        """Return a value of the scene, a scalar."""
 
     def vector(self, values: Sequence[Value]) -> FieldValue:
-        """Values along x[0], x[1] and x[2], which is not used in 2D."""
+        """Return a vector from its components along x[0], x[1] and x[2]; the last is not used in
+        2D.
+        """
 
 
 class BodyCoefficients(Coefficients, Protocol):
@@ -70,26 +72,26 @@ class BodyCoefficients(Coefficients, Protocol):
 
     @property
     def expansion(self) -> FieldValue:
-        """Return the coefficient of thermal expansion of the material, 1 / temperature."""
+        """The coefficient of thermal expansion of the material, 1 / temperature."""
 
     def entries(self, key: str) -> tuple[Effect, ...]:
         """Return the entries of a key of the scene."""
 
     def of_material(self, key: str) -> FieldValue:
-        """Return a number of the materials by its key, 0 where it is not given."""
+        """Return a parameter of the materials by its key, 0 where a material does not give it."""
 
     def computed(self, name: str) -> FieldValue:
-        """Return what effects have computed at the nodes for a step, see ``Place``."""
+        """Return the nodal field ``name`` that effects have computed for a step, see ``Place``."""
 
     def value_in(self, region: str | None, value: Value) -> FieldValue:
-        """Return a value in a region of the mesh, 0 elsewhere; None if everywhere.  A callable is
-        asked at nodes of the region alone.
+        """Return a value in a region of the mesh (None: everywhere), 0 elsewhere.  A callable is
+        evaluated at nodes of the region only.
         """
 
 
 @dataclass(frozen=True)
 class SampledPoints:
-    """Points for pictures and bounds, ``Coefficients`` as arrays."""
+    """Points for pictures and bounds at which ``Coefficients`` are arrays."""
 
     position: Array  # length, shape (d, n)
     normal: Array  # outward unit normals, shape (d, n), or zero, which leaves pressures out
@@ -97,13 +99,15 @@ class SampledPoints:
     density: Array | float = 0.0  # of the material, mass per volume, shape (n,), or one for all
 
     def value(self, value: Value) -> Array:
-        """Shape (n,); zero of expressions of UFL, which only a compiled form could evaluate."""
+        """Return a value at the points, shape (n,); zero for UFL expressions, which would need a
+        compiled form.
+        """
         if hasattr(value, "ufl_shape"):
             return np.zeros(self.position.shape[1])
         return sample(value, in_space(self.position.T))
 
     def vector(self, values: Sequence[Value]) -> Array:
-        """Shape (d, n)."""
+        """Return a vector at the points from its components, shape (d, n)."""
         return np.stack([self.value(value) for value in values[: len(self.position)]])
 
 
@@ -128,13 +132,13 @@ _CURES = {
 def not_yet(
     name: str, *features: str, words: str = "", more: Mapping[str, str] | None = None
 ) -> dict[str, dict[str, str]]:
-    """Return ``Effect.refuses`` of one with a name and the features that it does not go with yet.
+    """Return ``Effect.refuses`` for a feature that does not support some other features yet.
 
     Args:
-        name: of the feature that refuses the others.
-        features: their names.
-        words: for the first one in messages; empty: its name.
-        more: other features, with reasons of their own.
+        name: the name of the feature.
+        features: the names of the features that it does not support.
+        words: its name in messages; empty: ``name``.
+        more: further features, with their own reasons.
     """
     reason = f"is not possible yet with {words or name}"
     refused = {feature: reason + _CURES.get(feature, "") for feature in features}
@@ -143,29 +147,29 @@ def not_yet(
 
 @dataclass(frozen=True, kw_only=True)
 class Stated:
-    """What is stated of a problem, and what its effects may contradict.
+    """The data of a problem without its mesh.
 
     Attributes:
         title: any text.
-        incomplete: what is missing of what was meant; results say so.
-        effects: all entries by their keys, in the order of the keys of a scene; a key without
-            entries is there as well, but forms have the key ``contact`` alone.
-        kinematics: that of the body if its mesh is plane.
+        incomplete: intended parts that are missing; results list them.
+        effects: all entries by their keys, in the order of the keys of a scene, including keys
+            without entries; forms have the key ``contact`` only.
+        kinematics: the kinematics of the body if its mesh is plane.
         element: degree and volumetric integration.
         load_steps: names and times of load steps, and an automatic ramp.
-        steps: number of factors of each load; that of the load steps, unless there is a ramp
-            between them.
+        steps: number of factors of each load; equals the number of load steps, unless there is a
+            ramp between them.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
-        units: names of units for labels; None: they are not known.
-        bodies: the names of the regions that are bodies with meshes of their own.
+        units: names of units for labels; None: unknown.
+        bodies: the names of the regions that are bodies with their own meshes.
         generated: whether all cells are made by generators.
-        remade: whether all cells are made by generators or of drawings.
-        arcs: whether the mesh may stand for a body with arcs.
-        single: the keys of effects of which there can be one only.
-        origin: what else was given, by its keys, for the summary alone.
-        found: the shortenings that forces have led to, length, by the identity of a preload and
-            the places of load steps.
+        remade: whether all cells are made by generators or from drawings.
+        arcs: whether the mesh may represent a body with arcs.
+        single: the keys of effects that can have one entry only.
+        origin: other input, by its keys, used for the summary only.
+        found: shortenings that result from forces, length, by the identity of a preload and the
+            places of load steps.
     """
 
     title: str
@@ -188,21 +192,19 @@ class Stated:
 
     @property
     def contact(self) -> tuple[Any, ...]:
-        """The contact of each boundary."""
+        """The contacts, in the order of the scene."""
         return self.effects.get("contact", ())
 
     @property
     def material(self) -> tuple[Any, ...]:
-        """Return one material for the body, or one for each named region; none where only forms
-        have it.
+        """The material of the body, or one for each named region; empty where only forms
+        define it.
         """
         return self.effects.get("material", ())
 
     @property
     def nonlinear(self) -> bool:
-        """Return whether some material is nonlinear, so that ``scenes.nonlinear`` solves
-        the body.
-        """
+        """Whether some material is nonlinear, so that ``scenes.nonlinear`` solves the body."""
         return not all(material.linear for material in self.material)
 
     @property
@@ -212,7 +214,7 @@ class Stated:
 
 
 class Effect(Table):
-    """An entry of a scene."""
+    """The base class of the entries of a scene."""
 
     # Of its features, by their names, those that do not go together with each, and why.
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {}
@@ -232,20 +234,18 @@ class Effect(Table):
 
     @property
     def label(self) -> str:
-        """Return the kind of the effect in words: its key, or the name of its class where it has
-        none.
-        """
+        """The kind of the effect as text: its key, else the name of its class in lower case."""
         return self.key or re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__).lower()
 
     @cached_property
     def where(self) -> str | None:
-        """The boundary that it acts on, or None if it acts in the body."""
+        """The boundary on which it acts; None if it acts in the body."""
         return getattr(self, "boundary", None)
 
     @property
     def place(self) -> str:
-        """Return the place of the effect in words: the name of a boundary or region, or a point; an
-        empty string for all of the body.
+        """The place of the effect as text: the name of a boundary or region, or a point; empty for
+        the whole body.
         """
         at = getattr(self, "at", None)
         region = getattr(self, "region", None)
@@ -256,47 +256,50 @@ class Effect(Table):
 
     @property
     def name(self) -> str:
-        """Return the kind of the effect and its place."""
+        """The kind of the effect and its place as text."""
         return f"{self.label} {self.place}".rstrip()
 
     @property
     def given(self) -> dict[str, Value]:
-        """Return the values of the effect by their keys, without those that are None."""
+        """The values of the effect by their keys, without those that are None."""
         values = {key: getattr(self, key) for key in self.value_keys}
         return {key: value for key, value in values.items() if value is not None}
 
     @property
     def acts(self) -> bool:
-        """Return whether the effect does anything; numbers that are zero do not."""
+        """Whether the effect does anything; it does not if all of its values are zero."""
         return not is_zero(*self.given.values())
 
     @cached_property
     def varies(self) -> bool:
-        """Return whether the effect has more than constants."""
+        """Whether some value of the effect is not a constant."""
         return not all(isinstance(value, float) for value in self.given.values())
 
     @property
     def features(self) -> Features:
-        """The names by which other objects refuse it, see ``statement.features``, with the keys
-        that ask for them.
+        """The names of the features that the effect uses, which others may refuse (see
+        ``statement.features``), each with the keys that request it.
         """
         return ((self.label, ()),)
 
     def contradictions(self, statement: Stated, number: int) -> Contradictions:
-        """Yield the entries of a statement that do not go together with the effect, ``number``
-        among those of its kind: the place of the error in the scene, and the reason.
+        """Yield the entries of a statement that contradict the effect: the path of the error in the
+        scene, and the reason.
+
+        ``number``: the place of the effect among those of its kind.
         """
         yield from ()
 
     def time_steps(self, times: Sequence[float]) -> int:
-        """Return into how many steps it divides the way through the times of load steps; 0: into
-        none.
+        """Return the number of time steps into which the effect divides the path through the times
+        of load steps; 0 if it needs none.
         """
         return 0
 
     def degree(self, element: int) -> int:
-        """Quadrature degree of its integrals for elements of a degree; what varies on a boundary
-        may jump within a facet, and is integrated with many points.
+        """Return the quadrature degree of its integrals for elements of degree ``element``.
+
+        Values that vary on a boundary may jump within a facet; they get many points.
         """
         return _VARYING_DEGREE if self.varies and self.where is not None else 2 * element + 2
 
@@ -322,8 +325,8 @@ class ForceDensity(Load):
     carried: ClassVar[bool] = False
 
     def density(self, on: Coefficients) -> FieldValue:
-        """Force per volume or area, a vector; pictures ask for it at points, where functions of UFL
-        have no value.
+        """Return the force per volume or area, a vector; pictures evaluate it at points, where UFL
+        has no value.
         """
         raise NotImplementedError
 
@@ -339,7 +342,7 @@ class VectorForce(ForceDensity):
 
     @property
     def components(self) -> tuple[Value, ...]:
-        """Along x[0], x[1] and x[2], which is not used in 2D."""
+        """The components along x[0], x[1] and x[2]; the last is not used in 2D."""
         return self.x, self.y, self.z
 
     def density(self, on: Coefficients) -> FieldValue:
@@ -347,14 +350,12 @@ class VectorForce(ForceDensity):
 
 
 class InitialStrain(Load):
-    """A strain of the body, the same in all directions, which causes stress only where it is
-    prevented.
-    """
+    """An isotropic strain of the body, which causes stress only where it is constrained."""
 
     gives_strain = True
 
     def strain(self, on: BodyCoefficients) -> FieldValue | float:
-        """Return the strain in each direction, UFL, a number."""
+        """Return the strain in each direction, a scalar of UFL or a number."""
         raise NotImplementedError
 
 
@@ -362,13 +363,17 @@ class Resistance(Effect):
     """Forces per area on a boundary that are linear in the displacement, and symmetric."""
 
     def reaction(self, y: Expr, on: Coefficients) -> Expr:
-        """Minus the force per area on the body, stress, UFL, shape (d,)."""
+        """Return minus the force per area on the body at the displacement ``y``, stress, UFL, shape
+        (d,).
+        """
         raise NotImplementedError
 
 
 class ContactPart(Effect):
-    """A table within ``[[contact]]``, such as wear, of a file of its own, which is imported where
-    its key is written.  In ``contradictions`` the number is that of the contact.
+    """A table within ``[[contact]]``, such as wear.
+
+    Its module is imported when its key is used.  In ``contradictions`` the number is that of the
+    contact.
     """
 
     # Whether what it does in a load step adds up where this stands for several.
@@ -376,7 +381,9 @@ class ContactPart(Effect):
 
 
 def _contact_part(entry: object, info: ValidationInfo) -> ContactPart | None:
-    """Return a part of a contact, from its table or of its class, which is found by the key."""
+    """Return a part of a contact from its table, or the part itself; the key determines its
+    class.
+    """
     if entry is None:
         return None
     kind = load_class(CONTACT_PARTS, str(info.field_name), ContactPart)
@@ -393,7 +400,7 @@ Part = Annotated[Any, BeforeValidator(_contact_part)]
 
 
 def listed(entry: object) -> Sequence[object]:
-    """Return a list of tables, for which a single table may stand."""
+    """Return a list of tables; a single table becomes a list of one."""
     if isinstance(entry, Mapping | BaseModel):
         return [entry]
     if not isinstance(entry, list | tuple):
@@ -402,7 +409,9 @@ def listed(entry: object) -> Sequence[object]:
 
 
 def _of_package(entry: object, info: ValidationInfo) -> tuple[Effect, ...]:
-    """Return the entries of a key of another package, whose class is imported when there is one."""
+    """Return the entries of a key that another package defines; its class is imported if there are
+    any.
+    """
     if not (several := listed(entry)):
         return ()
     kind = load_class(EFFECTS, str(info.field_name), Effect)
@@ -410,8 +419,8 @@ def _of_package(entry: object, info: ValidationInfo) -> tuple[Effect, ...]:
 
 
 def with_every_effect(model: _Model) -> _Model:
-    """Return a model that gets a list of entries for each effect of another package or of a
-    program, when it is known.
+    """Return a model with a list of entries for each registered effect of other packages or
+    programs, also for those registered later.
     """
 
     def add(key: str) -> None:

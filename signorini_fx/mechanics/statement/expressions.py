@@ -1,8 +1,9 @@
-"""Expressions of the position in scenes: parsed by Python, evaluated with NumPy or turned into UFL.
+"""Expressions of the position in scenes: parsed by Python, evaluated with NumPy or converted to
+UFL.
 
-An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the value
-of its syntax tree follows from those of its parts, numbers and conditions, and anything but
-``_ALLOWED`` is refused when it is made, by trying it at one point.
+An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: its syntax
+tree is evaluated node by node.  An expression is tried at one point when it is made; anything but
+``_ALLOWED`` is refused.
 """
 
 from __future__ import annotations
@@ -64,8 +65,9 @@ _NUMPY: _Algebra = {
 
 
 def _ufl_algebra(mesh: Mesh) -> _Algebra:
-    """Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled
-    once.
+    """Return the operations in UFL.
+
+    Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled once.
     """
     import ufl
     from dolfinx import default_scalar_type, fem
@@ -92,7 +94,7 @@ def _ufl_algebra(mesh: Mesh) -> _Algebra:
 
 
 class _Evaluator:
-    """The value of a syntax tree at one position and time."""
+    """Evaluates a syntax tree at one position and time."""
 
     def __init__(self, algebra: _Algebra, position: FieldValue, time: Operand) -> None:
         self._algebra = algebra
@@ -100,8 +102,10 @@ class _Evaluator:
         self._time = time
 
     def value(self, node: ast.expr) -> Operand:
-        """Return the value of a part of the tree, or a ``ValueError`` that says what is not allowed
-        in it.
+        """Return the value of a node of the tree.
+
+        Raises:
+            ValueError: the node is not allowed; the message states why.
         """
         algebra = self._algebra
         match node:
@@ -173,8 +177,8 @@ class _Evaluator:
         raise ValueError(f"{name!r} of {count} arguments is not available")
 
     def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Operand:
-        """Return a comparison but for round-off: else a jump at a point of quadrature depends on
-        who computes its position.
+        """Return a comparison with a tolerance for round-off; else a jump at a quadrature point
+        would depend on how its position is computed.
         """
         if not isinstance(op, ast.Lt | ast.LtE | ast.Gt | ast.GtE):
             raise ValueError(f"comparison {type(op).__name__} is not available: use <, <=, >, >=")
@@ -229,12 +233,12 @@ class Expression:
 
     @cached_property
     def tree(self) -> ast.expr:
-        """Return the syntax tree of the expression."""
+        """The syntax tree of the expression."""
         return ast.parse(self.text.strip(), mode="eval").body
 
     @cached_property
     def timed(self) -> bool:
-        """Return whether the expression depends on the time t."""
+        """Whether the expression depends on the time t."""
         return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self.tree))
 
     def at_time(self, time: float) -> Self:
@@ -245,8 +249,8 @@ class Expression:
 
     @property
     def coordinates(self) -> int:
-        """Return the number of coordinates that a point must have: the largest i of the x[i] in the
-        expression plus one, or 0.
+        """The number of coordinates that a point must have: one plus the largest i of the x[i] in
+        the expression, or 0.
         """
         nodes = [node.slice for node in ast.walk(self.tree) if isinstance(node, ast.Subscript)]
         return max(
@@ -254,13 +258,13 @@ class Expression:
         )
 
     def __call__(self, x: Array) -> Array:
-        """Return values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is
-        not defined.
+        """Return the values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where
+        the expression is undefined.
         """
         return self.of_part(self.tree, x)
 
     def of_part(self, node: ast.expr, x: Array) -> Array:
-        """Return values of a part of its tree, as of all of it."""
+        """Return the values of a node of its tree at points, see ``__call__``."""
         with np.errstate(all="ignore"):
             value = _Evaluator(_NUMPY, x, self._present_time).value(node)
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
@@ -286,11 +290,11 @@ class Expression:
 
 
 def sample(value: Value, x: Array) -> Array:
-    """Return values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n),
-    shape (n,).
+    """Return the values of a number, an ``Expression`` or a callable at points ``x`` of shape (3,
+    n), shape (n,).
 
     Raises:
-        ValueError: they are no real numbers, one or n of them.
+        ValueError: the values are not real, or neither one nor n of them.
     """
     if isinstance(value, int | float):
         return np.full(x.shape[1], float(value))
@@ -303,15 +307,15 @@ def sample(value: Value, x: Array) -> Array:
 
 
 def number(value: Value) -> float:
-    """Return the value of a number, or of an ``Expression`` that does not depend on the position,
-    at its time.
-    """
+    """Return a number, or the value of an ``Expression`` that depends on the time only."""
     return float(sample(value, np.zeros((3, 1)))[0])
 
 
 def real_numbers(values: npt.ArrayLike) -> Array:
-    """Return values that a function of a user gives, as an array, if they are real: NumPy would
-    leave out imaginary parts.
+    """Return the values of a user's function as a real array.
+
+    Raises:
+        ValueError: the values are complex; NumPy would drop the imaginary parts.
     """
     if np.iscomplexobj(values):
         raise ValueError("the values are complex numbers, and real ones are expected")
@@ -319,10 +323,11 @@ def real_numbers(values: npt.ArrayLike) -> Array:
 
 
 def in_space(x: Array) -> Array:
-    """Return points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n).
+    """Return points of shape (n, 2) or (n, 3) in the shape (3, n) that expressions and callables
+    take.
 
-    dolfinx puts nodes of x = 0 at -7e-18, where sqrt(x) is no number and x, as a bound, negative:
-    below one unit of round-off of the largest one, a coordinate is 0.
+    dolfinx places nodes of x = 0 at -7e-18, where sqrt(x) is undefined and x is negative as a
+    bound. So coordinates below one unit of round-off of the largest one are set to 0.
     """
     points = np.zeros((3, len(x)))
     points[: x.shape[1]] = x.T

@@ -1,9 +1,9 @@
-"""What a scene uses, by name, and which of it does not go together.
+"""The features that a scene uses, by name, and which of them cannot be combined.
 
-Each feature says what it refuses, and why: effects in ``Effect.refuses``, the kinematics in
-``Kinematics.refuses``, elements and settings here, and what is computed of a solution (a bound, a
-proof, a derivative) where it is computed.  A reason is one of mathematics, or it says that
-something is not possible *yet*.
+Each feature lists what it refuses, and why: effects in ``Effect.refuses``, the kinematics in
+``Kinematics.refuses``, elements and settings here, and derived results (a bound, a proof, a
+derivative) where they are computed.  A reason is mathematical, or says that a combination is not
+possible *yet*.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 
 
 def features(statement: Statement) -> Iterator[tuple[str, Keys]]:
-    """Each with the key that asks for it."""
+    """Yield the name of each feature that a scene uses, with the key that requests it."""
     solver = statement.solver
     accuracy = statement.accuracy
     element = statement.element
@@ -72,14 +72,12 @@ def features(statement: Statement) -> Iterator[tuple[str, Keys]]:
 
 
 def refused_by(statement: Statement, refuses: Mapping[str, str]) -> Contradictions:
-    """Return the features of a scene that something refuses, with the key of each and the
-    reason.
-    """
+    """Return the features of a scene that are refused, with the key of each and the reason."""
     return ((path, refuses[name]) for name, path in features(statement) if name in refuses)
 
 
 def refusals(statement: Statement) -> list[Mapping[str, str]]:
-    """Return what each of the features of a scene refuses, and why."""
+    """Return what each feature of a scene refuses, with reasons."""
     declared = {**REFUSED_BY_SETTINGS, statement.kinematics.words: statement.kinematics.refuses}
     for _, entry in statement.listed():
         declared |= entry.refuses
@@ -88,8 +86,8 @@ def refusals(statement: Statement) -> list[Mapping[str, str]]:
 
 
 def divisible(statement: Statement, of: str) -> bool:
-    """Return whether nothing refuses to divide cells where the error of a quantity is, once several
-    bodies are one mesh.
+    """Return whether no feature refuses local refinement for the error of the quantity ``of``;
+    several bodies count as one mesh.
     """
     names = (
         {"local refinement"}
@@ -100,7 +98,9 @@ def divisible(statement: Statement, of: str) -> bool:
 
 
 def accuracy_refused(statement: Statement, of: Target) -> str:
-    """Why an accuracy of a quantity that nobody has asked for would be refused; "": it is not."""
+    """Return why a request for the accuracy of ``of`` would be refused; "" if it would not, or if
+    an accuracy is already requested.
+    """
     if statement.accuracy is not None:
         return ""
     asked = replace(statement, accuracy=Accuracy(target=0.5, of=of))
@@ -109,7 +109,7 @@ def accuracy_refused(statement: Statement, of: Target) -> str:
 
 
 def refused_features(statement: Statement) -> Contradictions:
-    """Return the features of a scene that others of its features refuse."""
+    """Return the features of a scene that other features of it refuse, with key and reason."""
     return iter(
         dict.fromkeys(
             problem for refused in refusals(statement) for problem in refused_by(statement, refused)
@@ -127,7 +127,9 @@ _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
 
 def dimension_problems(statement: Statement, dimension: int) -> list[tuple[str, str]]:
-    """Every key of a statement that has no meaning on a mesh of this dimension, and why."""
+    """Return every key of a statement that has no meaning on a mesh of this dimension, with the
+    reason.
+    """
     return [
         *_everywhere(statement, dimension),
         *(_in_the_plane(statement) if dimension == 2 else _in_space(statement)),
@@ -181,7 +183,7 @@ def _in_space(statement: Statement) -> Iterator[tuple[str, str]]:
 
 
 def _tables(node: object, path: str) -> Iterator[tuple[str, BaseModel]]:
-    """All tables of a scene with their paths."""
+    """Yield all tables of a scene with their paths."""
     if isinstance(node, BaseModel):
         yield path, node
         for name, value in node:

@@ -1,4 +1,4 @@
-"""The generators of meshes that a scene can name.  No dolfinx here."""
+"""The mesh generators that a scene can name.  This module does not use dolfinx."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 
 
 def known_generators(name: str | None = None) -> dict[str, Callable[[], Generate]]:
-    """Return functions that load the generators that a scene can name, in the order of their names;
-    of two of one name that of this package.
+    """Return the loaders of the generators that a scene can name, sorted by name; generators of
+    this package take precedence.
 
-    To look through all packages takes milliseconds: if ``name`` is in this one, only its own are
-    returned.
+    Searching all packages takes milliseconds: if ``name`` is in this package, only its generators
+    are returned.
     """
     package = find_spec(GENERATORS_PACKAGE)
     folders = (
@@ -46,10 +46,10 @@ def _of_this_package(name: str) -> Generate:
 
 
 def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Generate, dict[str, Any]]:
-    """Return the generator of this name, and the parameters as its annotations have them.
+    """Return the generator of this name, and its parameters validated by its annotations.
 
     Raises:
-        SceneError: unknown generator, or parameters that it refuses.
+        SceneError: unknown generator, or invalid parameters.
     """
     generators = known_generators(name)
     if name not in generators:
@@ -88,7 +88,7 @@ def types_of(generate: Generate) -> dict[str, Any]:
 
 @cache
 def _adapter(generate: Generate, key: str) -> TypeAdapter[Any]:
-    """Return the validator of a parameter of a generator; pydantic takes longer to make it than
-    gmsh to make a mesh.
+    """Return the validator of a parameter of a generator; cached, because pydantic takes longer to
+    make it than gmsh to make a mesh.
     """
     return TypeAdapter(types_of(generate).get(key, Any))

@@ -1,7 +1,7 @@
-"""Load steps: their names and times, the path through them, and the factors of loads on it.
+"""Load steps: their names and times, the path through them, and the factors of loads along it.
 
-A place in the list of factors is a number: 0 for the first entry, 0.5 for halfway to the second, -1
-for the body without any load.
+A *place* on the path is a number: 0 for the first entry of the lists of factors, 0.5 for halfway to
+the second, -1 for the body without any load.
 """
 
 from __future__ import annotations
@@ -68,8 +68,10 @@ class LoadSteps(Table):
         return self
 
     def repeated(self, count: int) -> tuple[Self, int]:
-        """Return those of all cycles, one after the other, and how many cycles these are, from the
-        number of load steps in one.
+        """Return the load steps of all cycles in sequence, and the number of cycles that are
+        computed.
+
+        ``count``: the number of load steps in one cycle.
         """
         if self.cycles is None or not isinstance(self.jump, int):
             return self, 1
@@ -88,8 +90,8 @@ class LoadSteps(Table):
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
-    """Return the factor of a load at a place: that of the load step, or linear in between; 0 for
-    the body without loads.
+    """Return the factor of a load at a place: linear between load steps, and from 0 at the unloaded
+    body.
     """
     if step == int(step) and step >= 0:
         return factors[int(step)]
@@ -97,17 +99,18 @@ def factor_at(factors: Sequence[float], step: float) -> float:
 
 
 class Place(float):
-    """A place with what effects have computed for the step that has gone there.
+    """A place on the load path, with fields that effects have computed for the step that ends
+    there.
 
     Attributes:
-        computed: at the nodes of a rank, for initial strains, by names, shape (nodes,).
+        computed: nodal values of a rank for initial strains, by names, shape (nodes,).
     """
 
     computed: Mapping[str, Array]
 
     @classmethod
     def of(cls, place: float, computed: Mapping[str, Array]) -> Self:
-        """Return a place, with what is computed."""
+        """Return a place with computed fields."""
         new = cls(place)
         new.computed = computed
         return new
@@ -178,19 +181,19 @@ class LoadPath:
 
     @property
     def several(self) -> bool:
-        """Return whether there may be more than one load step."""
+        """Whether there may be more than one load step."""
         return len(self.times) > 1 or self.steps is not None
 
     @property
     def expected(self) -> int:
-        """Number of load steps, if none of a ramp has to be divided."""
+        """The number of load steps if no step of a ramp has to be divided."""
         if self.steps is None:
             return len(self.times)
         first = not self.from_nothing
         return (len(self.times) - first) * self.steps + first
 
     def time_at(self, step: float) -> float:
-        """Return the time of a place."""
+        """Return the time at a place."""
         time = factor_at(self.times, step)
         if step == int(step):
             return time
@@ -199,12 +202,12 @@ class LoadPath:
         return round(time, 10 - floor(log10(span)) if span > 0 else 10)
 
     def jump_at(self, number: int) -> int:
-        """Return how many load steps one stands for, counted from 0."""
+        """Return for how many load steps the step ``number``, counted from 0, stands."""
         jumps = (self.jump,) if isinstance(self.jump, int) else self.jump
         return jumps[min(number, len(jumps) - 1)]
 
     def place_of(self, time: float) -> float:
-        """Return the place of a time: the inverse of ``time_at``.
+        """Return the place at a time: the inverse of ``time_at``.
 
         Raises:
             SceneError: no load step ends at this time.
@@ -224,16 +227,14 @@ class LoadPath:
         return place
 
     def name_at(self, step: float) -> str:
-        """Return the name of the load step that a place belongs to or that a ramp leads to; an
-        empty string without names.
-        """
+        """Return the name of the load step that ends at or after a place; empty without names."""
         return self.names[ceil(step)] if self.names else ""
 
 
 def counted_path(number: int) -> LoadPath:
-    """Return the load steps of a loop of a user's own, at times 1, 2, 3 and so on.
+    """Return the load steps of a user's own loop, at times 1, 2, 3 and so on.
 
     Args:
-        number: of those before the last.
+        number: how many load steps precede the last.
     """
     return LoadPath(tuple(map(float, range(1, number + 2))))

@@ -1,5 +1,5 @@
-"""Where a mesh comes from: a generator, a file, or the caller; and several bodies, each with a mesh
-of its own; and how long the facets of boundaries in contact are to be.  No dolfinx here.
+"""Sources of meshes: a generator, a file, or the caller; several bodies with their own meshes; and
+prescribed lengths of the facets of boundaries in contact.  This module does not use dolfinx.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class MeshFile(Table):
 
     @property
     def drawn(self) -> bool:
-        """Return whether gmsh makes the cells of the file."""
+        """Whether gmsh makes the cells, from a script or a CAD drawing."""
         return self.file.suffix.lower() in DRAWN
 
 
@@ -89,15 +89,13 @@ class MeshGenerator(Table):
 
     @property
     def sized(self) -> bool:
-        """Return whether the generator makes cells of several lengths, so that it may make cells of
-        any.
-        """
+        """Whether the generator can grade its cells, so that it accepts prescribed lengths."""
         return bool(getattr(self._generate(), "sized", False))
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Return the kinds of cells that the generator can make, its default first; none without
-        such a parameter.
+        """The kinds of cells that the generator can make, the present one first; empty if it has no
+        such parameter.
         """
         accepted = inspect.signature(generate := self._generate()).parameters
         own = self.parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
@@ -109,7 +107,7 @@ class MeshGenerator(Table):
 
     @property
     def of_simplices(self) -> MeshGenerator | None:
-        """Return the generator of triangles or tetrahedra that can be divided, or None if there is
+        """The same generator with triangles or tetrahedra, which can be bisected; None if there is
         none.
         """
         cell = getattr(self._generate(), "simplices", None)
@@ -117,7 +115,7 @@ class MeshGenerator(Table):
 
     @property
     def curved(self) -> MeshGenerator | None:
-        """Return the generator of cells of degree 2 on arcs, or None if it has no arcs."""
+        """The same generator with cells of degree 2 on arcs; None if it has no arcs."""
         return (
             self.having(order=2)
             if "order" in inspect.signature(self._generate()).parameters
@@ -125,14 +123,14 @@ class MeshGenerator(Table):
         )
 
     def having(self, **parameters: float | str) -> MeshGenerator:
-        """Return the generator with other parameters."""
+        """Return the generator with changed parameters."""
         return self.model_copy(update={"parameters": {**self.parameters, **parameters}})
 
     def coarser(self, factor: float) -> MeshGenerator:
-        """Return the generator of elements ``factor`` times as large.
+        """Return the generator with elements ``factor`` times as large.
 
         Raises:
-            SceneError: the generator does not say how.
+            SceneError: the generator does not support it.
         """
         coarser = getattr(self._generate(), "coarser", None)
         if coarser is None:
@@ -141,8 +139,8 @@ class MeshGenerator(Table):
         return self.model_copy(update={"parameters": coarser(self.parameters, factor)})
 
     def coarsest(self, factor: float) -> float:
-        """Return how many times as large elements can be to be halved to these: a power of 2 up to
-        ``factor``.
+        """Return the largest power of 2, up to ``factor``, by which elements can be coarsened such
+        that halving restores them.
         """
         if getattr(self._generate(), "coarser", None) is None:
             return 1.0
@@ -161,14 +159,19 @@ class MeshInMemory(TaggedMeshBase):
 
     @property
     def program(self) -> str:
-        """Return the name of the program; an empty string if meshes of this kind are not known."""
+        """The name of the program; empty if its meshes are not supported."""
         module = getattr(self.source, "__module__", None) or ""
         first = module.partition(".")[0]
         return first if first in _PROGRAMS else ""
 
 
 def one_mesh(entry: object) -> MeshFile | MeshGenerator | TaggedMeshBase:
-    """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
+    """Return the source of a mesh from an entry; its keys determine the kind, so that errors refer
+    to the intended kind.
+
+    Raises:
+        ValueError: the entry is no source of a mesh.
+    """
     if isinstance(entry, Mapping):
         if ("file" in entry) == ("generator" in entry):
             raise ValueError("give either file or generator")
@@ -238,8 +241,9 @@ class ContactSize:
 
 
 def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, ...]:
-    """Return the lengths of facets that a scene prescribes for one of its meshes, by the number of
-    its body; None if there is one mesh.
+    """Return the lengths of contact facets that a scene prescribes for one of its meshes.
+
+    ``number``: the number of the body; None if there is one mesh.
     """
     body = None if number is None else scene.body[number]
     wanted = []
@@ -253,8 +257,8 @@ def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, .
 
 
 def _in_body(name: str, body: Body | None) -> str:
-    """Return the name that a mesh may have for a boundary ``name`` of the scene; an empty string
-    for one of another body.
+    """Return the name in the mesh of ``body`` of a boundary of the scene; empty for a boundary of
+    another body.
     """
     if body is None:
         return name
@@ -263,7 +267,7 @@ def _in_body(name: str, body: Body | None) -> str:
 
 
 def with_larger_contact_sizes(contacts: tuple[Any, ...], factor: float) -> tuple[Any, ...]:
-    """Return contacts whose facets are ``factor`` times as long."""
+    """Return the contacts with prescribed facet lengths ``factor`` times as large."""
     sizes = (contact.contact_size and factor * contact.contact_size for contact in contacts)
     return tuple(
         c.model_copy(update={"contact_size": size}) for c, size in zip(contacts, sizes, strict=True)

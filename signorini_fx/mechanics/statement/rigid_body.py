@@ -1,5 +1,5 @@
-"""What is given of a rigid motion that is an unknown: forces and moments that drive it, components
-that are prescribed.
+"""The input of a rigid motion that is an unknown: driving forces and moments, and prescribed
+components.
 
 It has m components: in 2D translations along x[0] and x[1] and a small rotation about the reference
 point, counterclockwise; in 3D three of each kind, rotations about axes along x[0], x[1] and x[2]
@@ -95,17 +95,19 @@ class RigidMotion(Table):
         return (self.prescribed or {}).get(component)
 
     def reference(self, dimension: int) -> Array:
-        """Return the place of the reference point, length, shape (d,)."""
+        """Return the position of the reference point, length, shape (d,)."""
         raise NotImplementedError
 
     @property
     def drives(self) -> bool:
-        """Return whether the table has a load, a spring or a prescribed component."""
+        """Whether the table has any key of a rigid motion: a load, a prescribed component, a
+        spring, inertia or a velocity.
+        """
         return any(getattr(self, key) is not None for key in RigidMotion.model_fields)
 
     @property
     def driven_in_time(self) -> bool:
-        """Return whether a load or a prescribed component depends on the time."""
+        """Whether a load or a prescribed component depends on the time."""
         driving = (*(self.force or ()), *entries_of(self.moment), *(self.prescribed or {}).values())
         return any(isinstance(value, Expression) for value in driving)
 
@@ -137,7 +139,7 @@ class RigidMotion(Table):
         return np.array([(self.velocity or {}).get(name, 0.0) for name in COMPONENTS[dimension]])
 
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
-        """Keys that do not fit the dimension of the mesh, and why."""
+        """Yield the keys that do not fit the dimension of the mesh, with reasons."""
         where = MESH_IS[dimension]
         for key in ("moment", "moment_of_inertia"):
             value = getattr(self, key)
@@ -159,8 +161,10 @@ class RigidMotion(Table):
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A rigid body whose motion is an unknown: its name in results, what drives it, and where its
-    pivot is, and the places of its contacts among all of the problem.
+    """A rigid body whose motion is an unknown.
+
+    ``name``: its name in results; ``motion``: its loads, constraints and pivot; ``parts``: the
+    numbers of its contacts.
     """
 
     name: str
@@ -168,20 +172,22 @@ class RigidBody:
     parts: tuple[int, ...]
 
     def pivot(self, dimension: int) -> Array:
-        """Return the point that it turns about, length, shape (d,)."""
+        """Return the point about which it rotates, length, shape (d,)."""
         return self.motion.reference(dimension)
 
     @property
     def called(self) -> str:
-        """Return the name of the rigid body in messages."""
+        """The name of the rigid body in messages."""
         return f"the foundation of {' and '.join(f'contact[{part}]' for part in self.parts)}"
 
 
 def rigid_bodies(
     shapes: Sequence[RigidMotion | None], names: Sequence[str]
 ) -> tuple[RigidBody, ...]:
-    """Return the rigid bodies that the shapes of contacts belong to, by their names or those of the
-    contacts; a shape is None where none moves.
+    """Return the rigid bodies to which the shapes of contacts belong.
+
+    ``shapes``: the shape of each contact, None if it is not driven; those with the same ``rigid``
+    form one body.  ``names``: the name of each contact, used for bodies without their own.
     """
     groups: dict[int | str, dict[int, RigidMotion]] = {}
     for part, shape in enumerate(shapes):
@@ -202,8 +208,8 @@ def rigid_bodies(
 
 
 def driven_twice(shapes: Sequence[RigidMotion | None], number: int) -> str:
-    """Return why a contact does not fit the others of its rigid body, see ``rigid_bodies``;
-    otherwise an empty string.
+    """Return why a contact does not fit the others of its rigid body (loads in none or in several
+    of them), see ``rigid_bodies``; else an empty string.
     """
     if (name := getattr(shapes[number], "rigid", None)) is None:
         return ""
@@ -224,5 +230,5 @@ def driven_twice(shapes: Sequence[RigidMotion | None], number: int) -> str:
 def entries_of(
     value: Value | Sequence[Value] | None,
 ) -> Sequence[Value]:
-    """Return the components of a vector, or a number as its only one; None: none."""
+    """Return the components of a vector, or a number as a single component; empty for None."""
     return () if value is None else value if isinstance(value, tuple) else (value,)

@@ -1,15 +1,15 @@
-"""What the rigid foundations of ``shapes/`` have in common, and where they are found.
+"""The base class of the rigid foundations in ``shapes/``, and how their classes are found.
 
-Other packages have more by entry points:
+Other packages add shapes by entry points:
 
     [project.entry-points."signorini_fx.shapes"]
     "rounded box" = "its.module:RoundedBox"
 
-A class from outside has ``Shape`` as its base, its own keys, and ``initial``, whose distance is
-tried at the contact points before anything is solved, see ``fault_of``.
+Such a class derives from ``Shape``, with its own keys and the method ``initial``; its distance is
+tested at the contact points before anything is solved, see ``fault_of``.
 
 A shape is a solid with a signed distance phi: positive outside, where the body is, and negative
-inside, with the gradient n_f at the closest point, the outward normal of the foundation.  A point x
+inside.  Its gradient n_f at the closest point is the outward normal of the foundation.  A point x
 that is displaced by u stays outside to first order if  -n_f . u <= phi(x):  the gap is the signed
 distance, and the direction of contact is -n_f.
 """
@@ -48,7 +48,7 @@ Placement = tuple[
 
 
 class SignedDistance(Protocol):
-    """What a foundation may have as its shape: a solid with a distance."""
+    """The protocol of shapes of foundations: a solid with a signed distance."""
 
     def distance(self, x: Array) -> tuple[Array, Array]:
         """Return the signed distance of points of shape (n, d), length, shape (n,), and the outward
@@ -57,21 +57,22 @@ class SignedDistance(Protocol):
 
 
 def unit(vector: Sequence[float]) -> Array:
-    """Return the vector with the length one, shape (d,)."""
+    """Return the vector scaled to length one, shape (d,)."""
     components = np.array(vector)
     return components / np.linalg.norm(components)
 
 
 def across(axis: Array) -> Array:
-    """Any unit vector perpendicular to a unit vector, shape (d,)."""
+    """Return a unit vector perpendicular to a unit vector, shape (d,)."""
     coordinate_axis = np.eye(axis.size)[np.argmin(np.abs(axis))]
     perpendicular = coordinate_axis - (coordinate_axis @ axis) * axis
     return perpendicular / np.linalg.norm(perpendicular)
 
 
 def normalised(vectors: Array, otherwise: Array, least: float = 0.0) -> tuple[Array, Array]:
-    """Return lengths of vectors, and the unit vectors; what has no direction, as it is no longer
-    than the ``least`` length, gets another one.  Shapes (n,) and (n, d).
+    """Return the lengths of vectors, shape (n,), and the unit vectors, shape (n, d).
+
+    Vectors no longer than ``least`` are replaced by ``otherwise``.
     """
     size = np.linalg.norm(vectors, axis=1)
     return size, np.where(
@@ -80,8 +81,9 @@ def normalised(vectors: Array, otherwise: Array, least: float = 0.0) -> tuple[Ar
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
-    """Return the matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the
-    axis [a, b, c] by the length of this vector.
+    """Return the matrix of a rotation in degrees, counterclockwise, shape (d, d).
+
+    In 3D a vector [a, b, c] is the axis, and its length is the angle.
     """
     if isinstance(rotation, tuple):
         from scipy.spatial.transform import Rotation
@@ -105,7 +107,7 @@ class Placed(Table):
         pivot: Vector | None
 
     def placing_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
-        """Vectors that do not fit the dimension of the mesh, and why."""
+        """Yield the keys of vectors that do not fit the dimension of the mesh, with reasons."""
         where = MESH_IS[dimension]
         for key, value in self:
             vector = (
@@ -122,7 +124,7 @@ class Placed(Table):
             )
 
     def moved_back(self, x: Array) -> Array:
-        """Return points before the shape was turned and moved, shape (n, d)."""
+        """Return points transformed back to the initial placement of the shape, shape (n, d)."""
         moved, pivot = self._translations(x.shape[1])
         return (x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot
 
@@ -155,12 +157,12 @@ class Placed(Table):
 
 @dataclass(frozen=True)
 class Corners:
-    """The k places where the solid of a foundation is convex and not smooth, points or round ones,
-    and in 3D the e straight edges between its sides.
+    """The k convex corners of a foundation, sharp or rounded, and in 3D the e straight edges
+    between its sides.
 
     Attributes:
-        places: the corners, or the centres that they are rounded about, length, shape (k, d).
-        radius: of the rounding, length, shape (k,); zero: sharp.
+        places: the corners, or the centres of their rounding, length, shape (k, d).
+        radius: radius of the rounding, length, shape (k,); zero: sharp.
         sides: outward unit normals of the two sides that meet, in 3D of two opposite ones, shape
             (k, 2, d).
         edges: both ends of the edges, length, shape (e, 2, d).
@@ -173,7 +175,7 @@ class Corners:
 
     @classmethod
     def none(cls, dimension: int) -> Corners:
-        """Return the corners of a smooth shape, of which there are none."""
+        """Return empty corners, for a smooth shape."""
         nothing = np.zeros((0, 2, dimension))
         return cls(nothing[:, 0], np.zeros(0), nothing, nothing)
 
@@ -207,36 +209,36 @@ class Shape(Placed, RigidMotion):
 
     @property
     def inradius(self) -> float:
-        """Radius of the largest ball in it, or a bound below it; infinite: there is none, or it is
-        not known.
+        """The radius of the largest ball in the shape, or a lower bound, length; infinite if there
+        is none or it is unknown.
         """
         return math.inf
 
     @property
     def narrows(self) -> bool:
-        """Return whether some part of the shape may be narrower than a cell of the body, and so
+        """Whether some part of the shape may be narrower than a cell of the body, and so fit
         between nodes that are outside.
         """
         return not self.hollow
 
     @property
     def driven(self) -> bool:
-        """Return whether the motion of the shape is an unknown."""
+        """Whether the motion of the shape is an unknown."""
         return self.drives or self.rigid is not None
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """``distance`` before the shape is turned and moved, not hollow."""
+        """Return the same as ``distance``, but before rotation and shift, and never hollow."""
         raise NotImplementedError
 
     def initial_corners(self, dimension: int) -> Corners:
-        """``corners`` before the shape is turned and moved; where it is hollow, those of what is
-        around it.
+        """Return the same as ``corners``, but before rotation and shift; for a hollow shape those
+        of its surroundings.
         """
         return Corners.none(dimension)
 
     def corners(self, dimension: int) -> Corners:
-        """Return the corners of the foundation where it is: what it presses with between the nodes
-        of a body.
+        """Return the convex corners of the foundation at its present place, with which it may press
+        between the nodes of a body.
         """
         found = self.initial_corners(dimension)
         turn = self.turn_matrix(dimension).T
@@ -248,8 +250,10 @@ class Shape(Placed, RigidMotion):
         )
 
     def contradictions(self, dimension: int, *, turns: bool = True) -> Iterator[tuple[str, str]]:
-        """Keys that do not fit the dimension of the mesh, or are missing where a driven shape may
-        turn, and why.
+        """Yield the keys that do not fit the dimension of the mesh, or that are missing, with
+        reasons.
+
+        ``turns``: whether a driven shape may rotate, which needs a pivot.
         """
         if dimension not in self.exists_in:
             yield "shape", f"{MESH_IS[dimension]}: there is no {self.shape}"
@@ -263,7 +267,7 @@ class Shape(Placed, RigidMotion):
             yield "pivot", "give the point where the force acts, about which the foundation turns"
 
     def reference(self, dimension: int) -> Array:
-        """Return the place of the pivot, length, shape (d,)."""
+        """Return the present position of the pivot, length, shape (d,)."""
         return np.asarray(sum(self._translations(dimension)))
 
     def distance(self, x: Array) -> tuple[Array, Array]:
@@ -276,13 +280,13 @@ class Shape(Placed, RigidMotion):
 
     @property
     def placement(self) -> Placement:
-        """How it is shifted and turned."""
+        """The shift, rotation and pivot of the shape as numbers."""
         shift = None if self.shift is None else tuple(map(number, self.shift))
         pivot = None if self.pivot is None else tuple(self.pivot)
         return shift, None if self.rotation is None else self.angles(), pivot
 
     def placed_as(self, placement: Placement) -> Shape:
-        """Return the shape shifted and turned in another way; itself if it is that already."""
+        """Return the shape with another placement; the same object if it does not change."""
         if placement == self.placement:
             return self
         return self.model_copy(
@@ -290,16 +294,16 @@ class Shape(Placed, RigidMotion):
         )
 
     def moved_from(self, earlier: Shape, x: Array) -> Array:
-        """Return the motion of the closest points since the shape was placed like ``earlier``,
-        length, shape (n, d).
+        """Return the displacement of the material points of the shape closest to x since the shape
+        was placed like ``earlier``, length, shape (n, d).
         """
         signed, normal = self.distance(x)
         closest = x - signed[:, None] * normal
         return closest - earlier.moved_points(self.moved_back(closest))
 
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
-        """Return the shape after a share of the way from where ``earlier`` is: of the shift of its
-        pivot, and of its turn.
+        """Return the shape after a share of the motion from the place of ``earlier``; the shift of
+        the pivot and the rotation are interpolated.
         """
         moved, pivot = self._translations(dimension)
         begun = (earlier.moved_points(pivot[None]) - pivot)[0]
@@ -318,9 +322,10 @@ class Shape(Placed, RigidMotion):
 
 @dataclass(frozen=True)
 class Distance:
-    """The gap to a shape, an object with a method ``distance``, plus what is ``added`` to it, a
-    number, an expression or a callable of the position, length: values of points of shape (3, n),
-    as foundations take them.
+    """The gap to a shape as a function of points, as foundations take it, length.
+
+    ``shape``: has a method ``distance``; ``added``: is added to the distance, a number, an
+    expression or a callable of the position.
     """
 
     shape: SignedDistance
@@ -328,7 +333,7 @@ class Distance:
     dimension: int
 
     def __call__(self, x: Array) -> Array:
-        """Return the gap, shape (n,)."""
+        """Return the gap at points of shape (3, n), length, shape (n,)."""
         return self._of(x)[0] + sample(self.added, x)
 
     def direction(self, x: Array) -> Array:
@@ -343,7 +348,8 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
     """Return the distance from a shape, from the table of one, or from any object with a method
     ``distance``.
 
-    ``turns``: whether one that forces move may turn: not on the axis of a body of revolution.
+    ``turns``: whether a shape that forces move may rotate; it may not on the axis of a body of
+    revolution.
 
     Raises:
         SceneError: it is none of these, or does not fit the dimension of space.
@@ -363,8 +369,8 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
 
 
 def corners_of(shape: SignedDistance | None, dimension: int) -> Corners | None:
-    """Return the corners of a shape, or None if there is no shape, or one of a user's own that has
-    none.
+    """Return the corners of a shape; None if there is no shape, or if a user's own shape has no
+    method ``corners``.
     """
     return shape.corners(dimension) if shape is not None and hasattr(shape, "corners") else None
 
@@ -375,12 +381,13 @@ def _floats(values: npt.ArrayLike) -> Array:
 
 
 def fault_of(shape: SignedDistance, x: Array, size: float) -> str:
-    """Return what the distance of a shape of a user's own is not, at points of the boundary of a
-    body of this size, lengths, shape (n, d); "": nothing was found.
+    """Return what is wrong with the distance of a user's own shape at points of a boundary; "" if
+    nothing is found.
 
-    From a point back along its normal the way to the closest point is shorter by as much, wherever
-    it is.  Behind the closest point the distance is negative: otherwise points would pass through
-    the shape.
+    Moving a point back along its normal must reduce the distance by as much, everywhere.  Behind
+    the closest point the distance must be negative: otherwise points would pass through the shape.
+
+    ``x``: the points, length, shape (n, d); ``size``: size of the body, length.
     """
     if is_of_package(type(shape)):
         return ""
@@ -440,12 +447,16 @@ _SHAPES = {
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all shapes, ascending; none is imported."""
+    """Return the names of all shapes, sorted; their modules are not imported."""
     return tuple(sorted({*_SHAPES, *names_of(SHAPES)}))
 
 
 def shape_class(name: str) -> type[Shape]:
-    """Return the class of a shape, which is imported, or an ``InstallationError``."""
+    """Return the class of a shape; its module is imported.
+
+    Raises:
+        InstallationError: the package of the shape cannot be imported.
+    """
     if name not in _SHAPES:
         return load_class(SHAPES, name, Shape)
     file, kind = _SHAPES[name]
@@ -454,7 +465,11 @@ def shape_class(name: str) -> type[Shape]:
 
 
 def read_shape(entry: Shape | Mapping[str, Any] | None) -> Shape | None:
-    """Return a shape from a table, else a ``ValueError``; itself if it is one."""
+    """Return a shape from a table; a shape or None is returned unchanged.
+
+    Raises:
+        ValueError: the table is not a valid shape.
+    """
     if entry is None or isinstance(entry, Shape):
         return entry
     if not isinstance(entry, Mapping):

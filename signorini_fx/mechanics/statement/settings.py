@@ -23,8 +23,8 @@ from signorini_fx.mechanics.statement.values import (
 
 
 def known_linear_algebra() -> tuple[str, ...]:
-    """Return what a scene can name as ``solver.linear_algebra``; the kinds of this package are
-    first, and keep their names.
+    """Return the allowed values of ``solver.linear_algebra``: first the kinds of this package, then
+    the names of registered linear solvers.
     """
     kinds = ("auto", "full", "krylov", "condensed")
     return (*kinds, *(name for name in names_of(LINEAR_SOLVERS) if name not in kinds))
@@ -57,7 +57,7 @@ class Element(Table):
 
     @property
     def pressed(self) -> bool:
-        """Return whether a pressure is an unknown."""
+        """Whether a pressure is an additional unknown."""
         return self.volumetric == "mixed"
 
 

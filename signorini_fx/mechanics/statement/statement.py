@@ -1,9 +1,7 @@
-"""What is stated of a problem before it has a mesh: effects by name, kinematics, load steps and
-settings.
+"""The data of a problem before it has a mesh: effects by name, kinematics, load steps and settings.
 
-Scenes make this record, and so do forms of a user's own.  All that assembles, solves, judges and
-tells of a problem reads it, alone or as a part of ``model.Model``, and knows neither where it came
-from nor how it was read.
+Scenes and forms of a user both make this record.  Everything that assembles, solves, judges and
+reports a problem reads it, alone or as a part of ``model.Model``, independent of its origin.
 """
 
 from __future__ import annotations
@@ -25,20 +23,20 @@ _Effect = TypeVar("_Effect", bound=Effect)
 
 @dataclass(frozen=True, kw_only=True)
 class Statement(Stated):
-    """A problem without its mesh, and what follows from it."""
+    """A problem without its mesh, with derived quantities."""
 
     def changed(self, **entries: tuple[Any, ...]) -> Self:
-        """Return the statement with other entries of some keys."""
+        """Return the statement with other entries for some keys of effects."""
         return replace(self, effects={**self.effects, **entries})
 
     @property
     def finite_strains(self) -> bool:
-        """Return whether some material has finite strains."""
+        """Whether some material has finite strains."""
         return any(material.finite for material in self.material)
 
     @property
     def tables(self) -> dict[str, Any]:
-        """Return the given entries by the keys of a scene, for the summary."""
+        """The given entries by the keys of a scene, for the summary."""
         entries = {
             key: next(iter(several), None) if key in self.single else several
             for key, several in self.effects.items()
@@ -59,7 +57,7 @@ class Statement(Stated):
         )
 
     def listed(self) -> list[tuple[str, Any]]:
-        """Return all entries with their paths in the scene, and the parts of contacts."""
+        """Return all entries with their paths in the scene, including the parts of contacts."""
         entries = [
             (key if key in self.single else f"{key}[{number}]", effect)
             for key, entries in self.effects.items()
@@ -72,7 +70,7 @@ class Statement(Stated):
         ]
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
-        """Return all entries of a kind, such as ``statement.effect.ForceDensity``."""
+        """Return all entries of a class, such as ``statement.effect.ForceDensity``."""
         return tuple(
             effect
             for entries in self.effects.values()
@@ -82,12 +80,14 @@ class Statement(Stated):
 
     @cached_property
     def loads(self) -> tuple[Load, ...]:
-        """All that load steps multiply."""
+        """All entries that load steps multiply by factors."""
         return self.of(Load)
 
     @property
     def forces_at(self) -> str:
-        """The keys of its forces, for messages; ``traction, body_force`` if it lists no others."""
+        """The keys of the given forces, for messages; ``traction, body_force`` if there are no
+        others.
+        """
         listed = [
             key
             for key, entries in self.effects.items()
@@ -99,23 +99,23 @@ class Statement(Stated):
 
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
-        """Return the rigid bodies whose motion is an unknown, with their contacts."""
+        """The rigid bodies whose motion is an unknown, with their contacts."""
         return rigid_bodies([contact.driven for contact in self.contact], self.sides[0])
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """The names of facets inside its mesh that it uses."""
+        """The names of the interior facets of the mesh that effects use."""
         names = (getattr(effect, "section", None) for _, effect in self.listed())
         return tuple(name for name in names if name is not None)
 
     @property
     def preloads(self) -> tuple[Any, ...]:
-        """The sections across bolts that are shortened."""
+        """The bolt preloads that act, each at a section across a bolt."""
         return tuple(entry for entry in self.effects.get("preload", ()) if entry.acts)
 
     def drives(self, dimension: int, step: float) -> list[tuple[Array, Array]]:
-        """Return the loads of each rigid body at a place in the lists of factors, see ``now``:
-        forces and moments, and the prescribed components, nan where they are free, shapes (m,).
+        """Return the loads of each rigid body at a place on the load path, see ``now``: forces and
+        moments, and prescribed components, nan where they are free, shapes (m,).
         """
         drives = []
         given = ~self.kinematics_in(dimension).unbalanced
@@ -127,23 +127,25 @@ class Statement(Stated):
         return drives
 
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
-        """Return the factors of a load; those of an effect that load steps do not change are 1."""
+        """Return the factors of a load, one for each step; 1 for an effect without factors."""
         return getattr(effect, "factors", None) or (1.0,) * self.steps
 
     def now(self, effect: _Effect, step: float) -> tuple[float, _Effect]:
-        """Return the factor of an effect at a place in the lists of factors, and the effect at the
-        time of that place.
+        """Return the factor of an effect at a place on the load path, and the effect at the time
+        there.
 
-        What depends on the time and has no factors does not grow with the other loads of a ramp.
+        Effects that depend on the time and have no factors do not grow with the other loads of a
+        ramp.
         """
         constant = effect.timed and getattr(effect, "factors", None) is None
         factor = 1.0 if constant else factor_at(self.factors_of(effect), step)
         return factor, effect.at_time(self.time_at(step))
 
     def contacts_at(self, step: float) -> tuple[Any, ...]:
-        """Return the contacts with foundations and friction of a place in the lists of factors;
-        ``contact`` itself if none changes.  Friction before the first load step is that of the
-        first one.
+        """Return the contacts with foundations and friction at a place on the load path;
+        ``contact`` itself if none changes with time.
+
+        Before the first load step friction is that of the first step.
         """
         if not any(effect.timed for effect in self.contact):
             return self.contact
@@ -158,18 +160,16 @@ class Statement(Stated):
         )
 
     def held_at(self, step: float) -> tuple[Any, ...]:
-        """Return the supports that hold at a place in the lists of factors."""
+        """Return the supports that are active at a place on the load path."""
         return tuple(entry for entry in self.displacement if entry.holds_at(step))
 
     def time_at(self, step: float) -> float:
-        """Return the time of a place in the lists of factors, see ``statement.load_path``."""
+        """Return the time at a place on the load path, see ``statement.load_path``."""
         return self.path.time_at(step)
 
     @cached_property
     def path(self) -> LoadPath:
-        """The load steps, without the loads; a ramp begins with nothing where no load has
-        factors.
-        """
+        """The load path; a ramp starts from the unloaded body if no load has factors."""
         steps = self.load_steps
         alone = steps.steps is not None and all(load.factors is None for load in self.loads)
         times = steps.times or map(float, range(1, self.steps + 1))
@@ -178,15 +178,15 @@ class Statement(Stated):
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
-        """The boundary of each contact, and that of the other body of each; None if there is no
-        other body.
+        """The boundary of each contact, and the boundary of the opposite body for each; None in
+        place of the latter if there are no pairs.
         """
         against = [effect.against for effect in self.contact]
         return [effect.boundary for effect in self.contact], against if any(against) else None
 
     @property
     def young(self) -> float:
-        """Young's modulus of the stiffest material, the natural unit of stress."""
+        """Young's modulus of the stiffest material, the natural scale of stress."""
         return max(material.natural_modulus for material in self.material)
 
     def kinematics_in(self, dimension: int) -> Kinematics:

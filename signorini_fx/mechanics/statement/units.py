@@ -31,13 +31,15 @@ _NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProx
 
 
 def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
-    """Return the unit of each quantity of a scene as plain data, see ``unit_names``."""
+    """Return the unit of each quantity of a scene given as plain data, see ``unit_names``."""
     return unit_names(scene.get("units") or {}, of_data(scene, dimension))
 
 
 def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
     """Return the unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and
-    ``energy``, the last four per unit thickness in 2D; those that are not known are left out.
+    ``energy``; unknown units are left out.
+
+    The last four are per unit thickness in 2D.
     """
     names = {name: unit for name, unit in units.items() if unit}
     length = names.get("length")
@@ -56,7 +58,7 @@ def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[
 
 @contextmanager
 def labelled(names: Mapping[str, str]) -> Iterator[None]:
-    """Labels that are made within have these units."""
+    """Use these units in labels that are made within the context."""
     token = _NAMES.set(names)
     try:
         yield
@@ -65,15 +67,15 @@ def labelled(names: Mapping[str, str]) -> Iterator[None]:
 
 
 def unit(quantity: str) -> str:
-    """Return the name of the unit of a quantity; empty if it is not known."""
+    """Return the name of the unit of a quantity; empty if unknown."""
     return _NAMES.get().get(quantity, "")
 
 
 def bracketed(quantity: str) -> str:
-    """Return the unit that a label ends with, such as `` (mm)``; empty if the unit is not given."""
+    """Return the unit at the end of a label, such as `` (mm)``; empty if unknown."""
     return f" ({unit(quantity)})" if unit(quantity) else ""
 
 
 def with_unit(figure: str, quantity: str) -> str:
-    """Return a figure with its unit, such as ``0.3 MPa``."""
+    """Return a number, given as text, with its unit, such as ``0.3 MPa``."""
     return f"{figure} {unit(quantity)}".rstrip() if figure else figure

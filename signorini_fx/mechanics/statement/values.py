@@ -1,5 +1,5 @@
-"""Kinds of values in a scene: numbers, expressions, counts, words; each has one error message for
-everything else.
+"""Kinds of values in a scene: numbers, expressions, counts, words; each kind has one error message
+for invalid input.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _Kept = TypeVar("_Kept")
 
 
 def shown(entry: object) -> str:
-    """Return a value in a message, shortened if it is long."""
+    """Return a value as text for a message, shortened if it is long."""
     try:
         text = repr(entry).lower() if isinstance(entry, bool) else repr(entry)
     except ValueError:  # Python does not print whole numbers of thousands of digits
@@ -46,7 +46,7 @@ def kind_of(entry: object) -> str:
 
 
 def plain_number(entry: Any) -> Any:
-    """Return a number; NumPy's numbers are accepted."""
+    """Return a number; NumPy's numbers are converted."""
     if isinstance(entry, np.number | np.ndarray) and entry.ndim == 0:
         entry = entry.item()
     if not isinstance(entry, str | int | float | bool | None):
@@ -55,9 +55,7 @@ def plain_number(entry: Any) -> Any:
 
 
 def timed(entry: Value | str) -> Value:
-    """Return ``value`` of an entry that load steps change: an expression may depend on
-    the time t.
-    """
+    """Return a valid value; an expression may depend on the time t."""
     return Expression(entry, allows_time=True) if isinstance(entry, str) else value(entry)
 
 
@@ -70,7 +68,7 @@ def sampled(entry: Value | str) -> Value:
 
 
 def not_at_points(entry: object) -> str:
-    """Return the message of a form where values at points are needed."""
+    """Return the message for a UFL value where values at points are needed."""
     return (
         f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the "
         "position, or a "
@@ -79,9 +77,13 @@ def not_at_points(entry: object) -> str:
 
 
 def bounded(number: float) -> float:
-    """Return the number, if its magnitude is in the allowed range, whatever the units: energies,
-    squares of forces and products of stiffness, length and penalty must still be numbers in double
-    precision; else a ``ValueError``.
+    """Return the number if its magnitude is in the allowed range.
+
+    Energies, squares of forces and products of stiffness, length and penalty must not overflow or
+    vanish in double precision, whatever the units.
+
+    Raises:
+        ValueError: the number is too large or too small.
     """
     if abs(number) > LARGEST_NUMBER:
         limit = f"larger than {LARGEST_NUMBER:g}, or forces and energies overflow: take other units"
@@ -96,7 +98,11 @@ def bounded(number: float) -> float:
 
 
 def value(entry: Value | str) -> Value:
-    """Return a number, an expression, a callable or UFL; everything else is refused."""
+    """Return a valid value: a number, an expression, a callable or UFL.
+
+    Raises:
+        ValueError: the entry is none of these.
+    """
     if isinstance(entry, bool):
         raise ValueError("a number or an expression of the position is expected, not true or false")
     entry = plain_number(entry) if isinstance(entry, np.number | np.ndarray) else entry
@@ -116,7 +122,7 @@ def value(entry: Value | str) -> Value:
 
 
 def not_negative(entry: _Given) -> _Given:
-    """Return a value that is not a negative number."""
+    """Return a value unchanged unless it is a negative number, which raises a ValueError."""
     if isinstance(entry, float) and entry < 0:
         raise ValueError(f"must not be negative, got {float(entry)}")
     return entry
@@ -145,7 +151,7 @@ NonNegativeValue = Annotated[
 
 
 def share(entry: _Given) -> _Given | float:
-    """Return a number, or a text such as ``5%``."""
+    """Return a text such as ``5%`` as a number, and other entries unchanged."""
     match = (
         re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
     )
@@ -207,8 +213,10 @@ Automatic = Positive | Literal["auto"]
 def selection(
     entry: int | Sequence[int] | str | Callable[[Array], npt.ArrayLike],
 ) -> int | tuple[int, ...] | Callable[[Array], npt.ArrayLike]:
-    """Return a number in the cell data of a mesh file, a list of them, or a rule; everything else
-    is refused.
+    """Return a number in the cell data of a mesh file, a list of them, or a rule.
+
+    Raises:
+        ValueError: the entry is none of these.
     """
     if type(entry) is int or isinstance(entry, Expression) or callable(entry):
         return entry

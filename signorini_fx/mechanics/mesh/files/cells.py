@@ -251,8 +251,8 @@ def check_shape(points: Array, cells: Ints, cell: Cell, name: str) -> None:
 
 
 def _spoilt(points: Array, cells: Ints, cell: Cell) -> tuple[Flags, Flags]:
-    """Return the flags of cells that are flat at a corner, and of those whose Jacobian changes its
-    sign.
+    """Return the flags of cells that are flat at a corner, and of those whose Jacobian determinant
+    changes its sign.
     """
     jacobian = _jacobian(points, cells, cell, cell.places)
     size = np.linalg.det(jacobian)

@@ -104,7 +104,7 @@ def files_of(file: Path) -> list[Path]:
     """Return a file, and if it is an Abaqus input file the files that it includes.
 
     Raises:
-        MeshError: the add-on for decks is missing or cannot read the file.
+        MeshError: it cannot be read as an Abaqus input file.
     """
     return (
         list(add_on("deck_files").read_keywords(file)[1])
