@@ -261,7 +261,7 @@ def _nearest(facets: _Facets, reach: Array) -> tuple[Ints, Ints, Array]:
     allowed = np.maximum(reach[first], reach[second])
     allowed = allowed + facets.sagitta[first] + facets.sagitta[second]
     same = facets.body[first] == facets.body[second]
-    # Of its own body a facet sees the back, beyond which nothing counts.
+    # The back of its own body hides everything behind it.
     kept = np.where(same, distance < 0.0, np.abs(distance) <= allowed) & np.isfinite(distance)
     first, second, distance, same = (array[kept] for array in (first, second, distance, same))
     order = np.lexsort((np.abs(distance), first))

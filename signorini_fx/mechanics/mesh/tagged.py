@@ -602,7 +602,7 @@ def _global_nodes(mesh: dmesh.Mesh, rows: Indices) -> Ints:
     return numbers.reshape(rows.shape)
 
 
-# Lengths of cells that the generator that runs does not know of: its mesh is made in ``gmsh_mesh``.
+# Cell lengths for the running generator, which does not receive them: ``gmsh_mesh`` applies them.
 _LOCAL_SIZES: ContextVar[Sizes] = ContextVar("_LOCAL_SIZES", default=())
 
 

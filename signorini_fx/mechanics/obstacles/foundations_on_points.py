@@ -545,7 +545,7 @@ class Foundations:
         sides = (self.facets[number], self._masters[number])
         flags = fixed.reshape(-1, self._dimension)
         rests = at_rest.reshape(-1, self._dimension)[: len(flags)]
-        # Of a node that two contacts share an earlier pair, or a foundation, has the point.
+        # A node that two contacts share carries the point of the foundation or of the earlier pair.
         first = (
             k for k, contact in enumerate(self._contact) if k < number or contact.against is None
         )

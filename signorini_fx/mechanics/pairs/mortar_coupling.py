@@ -373,8 +373,8 @@ def couple(
         raise PairingError(
             "supports of both sides, or other contacts, hold all nodes of the covered part"
         )
-    # Facets apart from all points, of which all nodes are constrained: nobody takes over their
-    # functions.
+    # Facets whose nodes are all constrained and not connected to any point: no point takes over
+    # their functions.
     carried_nodes = shares.sum(axis=0).ravel() > 0.0
     nobody = (fixed & ~carried_nodes)[slave.points].all(axis=1)
     tested = tested.chosen(~nobody[tested.overlap.slave])

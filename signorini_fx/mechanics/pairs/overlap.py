@@ -28,8 +28,9 @@ from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, SAME_NUMBE
 _DEGREES = {1: 2, 2: 4}
 _RATIONAL = 12
 _PARALLELOGRAMS = 4
-# Of Gauss' rule in [-1, 1] for a segment of the overlap in 2D, which belongs to the definition of
-# the map: integrands are rational where normals turn, and not polynomials on curved facets.
+# Gauss points and weights in [-1, 1] for a segment of the overlap in 2D.  The rule is part of the
+# definition of the map: integrands are rational where normals turn, and not polynomials on curved
+# facets.
 _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 
 
@@ -296,7 +297,7 @@ def plane_overlap(
     normals = normals[numbers]
     corners = slave.corners[slave_facets]
     ways = slave.functions.polynomials(normals)[:, :, None]
-    # Of each pair: the images of both ends.
+    # Projections of both ends of the master facet onto the slave facet, for each pair.
     ends = place_under(
         slave.functions, corners, ways, master.positions(master_facets, np.array([[[0.0], [1.0]]]))
     )

@@ -480,7 +480,7 @@ class Sharing:
         return parallel.global_sum(self.comm, rows)
 
 
-# Of a pair that no other rank knows of.
+# For a pair that is on this rank only.
 ALONE = Sharing(MPI.COMM_SELF, None)
 
 

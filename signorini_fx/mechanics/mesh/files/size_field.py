@@ -20,7 +20,7 @@ from signorini_fx.mechanics.mesh.files.cells import CELLS, order_in
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
 from signorini_fx.tuned import LONGEST_FACET, SIZE_GROWTH
 
-# gmsh's words for the elements of a view.
+# gmsh's codes for the elements of a view (scalar values).
 _VIEWS = {"triangle": "ST", "quad": "SQ", "tetra": "SS", "hexahedron": "SH"}
 
 
