@@ -160,7 +160,7 @@ class FreeMotions:
 
     @property
     def none(self) -> FreeMotions:
-        """The same points without any free motion, for bodies that are held."""
+        """Return the same points without any free motion, for bodies that are held."""
         return replace(self, relative=self.relative[:, :, :0], assembly=self.assembly[:0])
 
     def held_by(

@@ -619,8 +619,8 @@ class Foundations:
 
     @property
     def pairs(self) -> dict[int, PairedSides]:
-        """Both sides of each pair, by its number among the contacts, once ``boundary`` has paired
-        them.
+        """Return both sides of each pair, by its number among the contacts, once ``boundary`` has
+        paired them.
         """
         return dict(self._pairs)
 

@@ -173,8 +173,8 @@ class Tested:
 
     @property
     def moving(self) -> Tested:
-        """This object without the pieces where nothing can move, as supports hold all nodes of both
-        facets.
+        """Return this object without the pieces where nothing can move, as supports hold all nodes
+        of both facets.
         """
         sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
         on_slave, on_master = (
@@ -212,8 +212,8 @@ class Tested:
 
     @property
     def of_nearest_sheets(self) -> Tested:
-        """This object with only the nearest sheet of the master for each slave facet that faces
-        several.
+        """Return this object with only the nearest sheet of the master for each slave facet that
+        faces several.
         """
         overlap = self.overlap
         several = np.flatnonzero(np.isin(overlap.slave, self.twice))

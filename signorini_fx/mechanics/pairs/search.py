@@ -47,8 +47,8 @@ class Patches:
 
     @property
     def focus(self) -> Array:
-        """One over the distance at which normals meet in front of each patch, shape (p,); zero
-        here: flat.
+        """Return one over the distance at which normals meet in front of each patch, shape (p,);
+        zero here: flat.
         """
         return np.zeros(len(self.corners))
 

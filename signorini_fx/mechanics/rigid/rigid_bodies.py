@@ -270,10 +270,11 @@ class RigidBodyMotion:
         a free component over the forces on it, or the largest error of a prescribed component over
         its motion.
 
-        ``drive``: its loads and prescribed components. ``resultant``: force and moment of contact
-        on it, their size, and their lever, see
-            ``ContactNodes.resultant``.
-        ``least``: a force below which everything is round-off.
+        Args:
+            drive: its loads and prescribed components.
+            resultant: force and moment of contact on it, their size and their lever, see
+                ``ContactNodes.resultant``.
+            least: a force below which everything is round-off.
         """
         load, prescribed = drive
         taken, size, reach = resultant

@@ -107,15 +107,15 @@ class MeshGenerator(Table):
 
     @property
     def of_simplices(self) -> MeshGenerator | None:
-        """The same generator with triangles or tetrahedra, which can be bisected; None if there is
-        none.
+        """Return the same generator with triangles or tetrahedra, which can be bisected; None if
+        there is none.
         """
         cell = getattr(self._generate(), "simplices", None)
         return None if cell is None else self.having(cell=cell)
 
     @property
     def curved(self) -> MeshGenerator | None:
-        """The same generator with cells of degree 2 on arcs; None if it has no arcs."""
+        """Return the same generator with cells of degree 2 on arcs; None if it has no arcs."""
         return (
             self.having(order=2)
             if "order" in inspect.signature(self._generate()).parameters

@@ -55,7 +55,7 @@ class Cell:
 
     @cached_property
     def nodes(self) -> list[Corners]:
-        """For each node the corners whose mean it is; a corner is its own mean."""
+        """Return for each node the corners whose mean it is; a corner is its own mean."""
         entities = enumerate(basix.topology(self.basix_type))
         middles = [
             tuple(corners)
