@@ -139,11 +139,11 @@ class CornerFigures(Row):
     """A corner of a foundation that presses between nodes: its force has no area."""
 
     boundary: str = described("Name of the contact boundary.")
-    place: Vector = described("Of the corner.")
-    contact_force: Vector = described("Normal to the facet under it, on the body.")
-    friction_force: Vector = described("Along it, on the body.")
-    state: Literal["stick", "slip"] = described("Of the body there.")
-    slip: Number = described("Along the facet, since the load step began.")
+    place: Vector = described("Position of the corner.")
+    contact_force: Vector = described("Contact force, normal to the facet under it.")
+    friction_force: Vector = described("Friction force, along that facet.")
+    state: Literal["stick", "slip"] = described("State of the body there.")
+    slip: Number = described("Slip along that facet in the load step.")
     facet: Number = described("Length of the facet under it.")
     contact_width: Number = described(
         "About the width of the contact around it; facets that are longer do not resolve it, and "
@@ -154,10 +154,10 @@ class CornerFigures(Row):
 class ContactFigures(Row):
     """A contact boundary, in 2D per unit thickness, with lengths for areas."""
 
-    boundary: str = described("Its name.")
-    area: Number = described("Of the whole boundary.")
+    boundary: str = described("Name of the contact boundary.")
+    area: Number = described("Area of the whole boundary.")
     contact_area: Number = described("Area of the nodes in contact.")
-    touching_nodes: Count = described("How many these are.")
+    touching_nodes: Count = described("Number of nodes in contact.")
     pressure_integral: Number = described("Integral of the pressure, the normal force N.")
     mean_pressure: Number = described(
         "N over the area in contact; null where nothing is in contact."
@@ -207,7 +207,7 @@ class RigidBody(Row):
 
     boundary: str = described("The boundary that it may touch.")
     reference: Vector = described("The point that it turns about, before it moves.")
-    displacement: Vector = described("Of that point.")
+    displacement: Vector = described("Displacement of that point.")
     rotation: Number | Vector = described("Radians; in 3D a vector.")
     force: Vector = described("Of the body on the rigid body.")
     moment: Number | Vector = described("About that point; in 3D a vector.")
@@ -222,7 +222,7 @@ class RigidBody(Row):
 class SectionForce(Row):
     """The force and the shortening of a tightened section."""
 
-    name: str = described("Which one.")
+    name: str = described("Name of the preload.")
     force: Number = described("The tension through it.")
     shortening: Number = described("By how much its sides have moved towards each other.")
 
@@ -291,11 +291,11 @@ class LargestDeformation(Row):
 class LimitOfRamp(Row):
     """The loads at which a ramp has ended."""
 
-    time: float = described("Of the last load step with a solution.")
-    force: Number = perhaps("Size of the resultant of the forces that grow, then.", "force")
+    time: float = described("Time of the last load step with a solution.")
+    force: Number = perhaps("Resultant of the forces that grow, at that time.", "force")
     full_force: Number = perhaps("The same where their factor is the next one.", "force")
-    loads: str = described("The factors of the loads that grow, then.")
-    reason: str = described("How it has ended.")
+    loads: str = described("Factors of the loads that grow, at that time.")
+    reason: str = described("Why the ramp has ended.")
 
 
 class CertificateFigures(Row):
@@ -413,10 +413,10 @@ class RowOfSteps(Row):
     linear_solves: Count
     certificate_holds: bool
     max_pressure: Number = perhaps("Largest nodal pressure.", "stress")
-    torque: Number = perhaps("Of friction about the axis x[1], with torsion.", "moment")
+    torque: Number = perhaps("Torque of friction about the axis x[1], with torsion.", "moment")
     friction_work: Number = perhaps("Energy dissipated by slip in this step.", "energy")
     strain_energy: Number = perhaps("a(y, y) / 2, in 2D per unit thickness.", "energy")
-    kinetic_energy: Number = perhaps("Of inertia.", "energy")
+    kinetic_energy: Number = perhaps("Kinetic energy, with inertia.", "energy")
     contact_loss: Number = perhaps("Energy lost in contact in the last time step.", "energy")
     energy_error: Number = perhaps("What the energies of this time step miss, relative.")
     time_error: Number = perhaps(
@@ -448,7 +448,7 @@ class Run(Row):
     iterations: Count = described("Linear solves without those that only compute a start.")
     linear_solves: Count = described("All linear solves.")
     factorisations: Count = described("New factorisations.")
-    outer_iterations: Count = described("Regularised problems.")
+    outer_iterations: Count = described("Regularised problems that were solved.")
     events: list[str] = described(
         "Fall-backs in the order of their use, and the meshes of a nested iteration."
     )
