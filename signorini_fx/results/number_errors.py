@@ -23,7 +23,7 @@ from typing import Any
 import basix
 import numpy as np
 
-from signorini_fx.arrays import Array, Columns, Ints, rmatvec
+from signorini_fx.arrays import Array, Ints, rmatvec
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.display import point_in_words
@@ -38,6 +38,7 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.convergence_table import border_of
 from signorini_fx.results.accuracy.error_estimates import areas, missed_by_points
 from signorini_fx.results.accuracy.pressure_error import chords, growing_rows
+from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.singularities import ends_on_another, why_no_limit
 from signorini_fx.tuned import (
     FEW_NODES,
@@ -443,7 +444,8 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
     kink = _kink(table, row)
     error = solution.mean_error
     width = MARGIN * kink if isinstance(error, str) else max(kink, error**2)
-    width += MARGIN * _given_way(columns)
+    if not overclosures_of(solution.model.contacts):  # a soft contact lets the body in by its law
+        width += MARGIN * solution.certificate.penetration
     if table.touching < _TOO_FEW:
         width = max(width, 1 / (1 + table.touching))
         return PrintedNumber(**known, error=width * value, why=f"{table.touching} nodes in contact")
@@ -456,14 +458,6 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
     if kink >= _UNRESOLVED:
         return PrintedNumber(**known, why=f"not resolved: {100 * kink:.0f} % to the next node")
     return PrintedNumber(**known, error=width * value)
-
-
-def _given_way(columns: Columns) -> float:
-    """Return the largest penetration relative to the largest normal displacement in contact."""
-    touching = columns["state"] != "open"
-    inside = columns["u_n"][touching] - columns["gap"][touching]
-    largest = float(np.abs(columns["u_n"][touching]).max())
-    return max(float(inside.max()), 0.0) / largest if largest > 0 else 0.0
 
 
 def _near_a_corner(solution: Any) -> str:

@@ -127,6 +127,21 @@ def test_a_reason(changes, why):
         assert number.error > 0.25 * number.value
 
 
+def test_penetration():
+    """The regularised law lets a body in, which changes a uniform pressure; the approach of a soft
+    contact is no error.
+    """
+    given = {"displacement": {"boundary": "top", "y": -0.01, "x": 0.0}}
+    given |= {"material": {"young": 1000.0, "poisson": 0.0}}
+    uniform = alone(block(contact={"boundary": "bottom"}, **given)).numbers["largest pressure"]
+    assert 0.0 < abs(uniform.value - 10.0) <= uniform.error < 1e-3
+    overclosure = {"law": "linear", "stiffness": 1e4}
+    contact = {"boundary": "bottom", "overclosure": overclosure}
+    soft = alone(block(contact=contact, **given)).numbers["largest pressure"]
+    assert abs(soft.value - 100.0 / 11.0) <= soft.error + 1e-9  # two springs, 1,000 and 10,000
+    assert soft.error < 1e-3
+
+
 def test_moments_in_space():
     """They are within their errors, and friction is known better than the force."""
     sizes = ({"length": 2.0, "nx": 2 * n, "ny": n, "nz": n} for n in (4, 10))
