@@ -401,8 +401,8 @@ def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
 def test_a_small_problem_of_forms_imports_no_more_than_it_runs():
     """A ``ContactProblem`` on a plane foundation, with Coulomb friction, loads 98 modules."""
     code = """import numpy, signorini_fx as sfx, sys, ufl
-from dolfinx import fem, mesh
 from mpi4py import MPI
+from dolfinx import fem, mesh
 square = mesh.create_unit_square(MPI.COMM_WORLD, 4, 4)
 space = fem.functionspace(square, ("Lagrange", 1, (2,)))
 u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
