@@ -42,7 +42,7 @@ from signorini_fx import (
 from signorini_fx.extensions import LAWS, register
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC
+from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.quantities.values import of_fields, of_results
 from signorini_fx.records import Status

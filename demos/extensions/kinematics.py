@@ -7,8 +7,7 @@ from math import pi
 
 from signorini_fx import Scene, solve
 from signorini_fx.extensions import register
-from signorini_fx.mechanics.kinematics import AXISYMMETRIC
-from signorini_fx.mechanics.kinematics.protocol import BodyOfRevolution
+from signorini_fx.mechanics.kinematics import AXISYMMETRIC, BodyOfRevolution
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
-from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
+from signorini_fx.mechanics.kinematics import CARTESIAN, PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, outer_facets
 from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies

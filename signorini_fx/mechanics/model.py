@@ -44,7 +44,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     contact_map,
     no_points,
 )
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, Driven, RigidBodies

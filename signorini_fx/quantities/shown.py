@@ -27,8 +27,7 @@ from signorini_fx.machine.display import (
     with_error,
 )
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
-from signorini_fx.mechanics.kinematics import of_data
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics, of_data
 from signorini_fx.mechanics.statement.units import unit, with_unit
 from signorini_fx.quantities.summary import NO_FINITE_VALUE, PrintedNumber, own_quantities
 from signorini_fx.records import JUDGED, NO_ACCURACY, SHORT_OF_ACCURACY, STEPS_UNESTIMATED, Status

@@ -19,8 +19,7 @@ from signorini_fx.algebra.contact.statics import largest_multiple, reactions
 from signorini_fx.arrays import Array, Flags, quotient, rmatvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import CARTESIAN, Kinematics
 from signorini_fx.mechanics.loads.initial_strains import jumps_in
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.summary import ContactFigures, CornerFigures, SectionForce

@@ -16,8 +16,7 @@ from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import unit_contact_form
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import CARTESIAN, Kinematics
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import AddedForces

@@ -39,6 +39,7 @@ from signorini_fx.records import (
     Status,
     Timings,
 )
+from signorini_fx.results.accuracy.contact_surface import present_pressure
 from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
@@ -50,7 +51,6 @@ from signorini_fx.results.contact_figures import (
 )
 from signorini_fx.results.limit import UNDECIDED, ended_by, limit_of_ramp
 from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
-from signorini_fx.results.present_area import present_pressure
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.singularities import no_limit_of_pressure, singular_corners
 from signorini_fx.results.stresses import RawStresses
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
         PrintedNumber,
         SectionForce,
     )
-    from signorini_fx.results.accuracy.level_results import LevelResult
+    from signorini_fx.results.accuracy.convergence_table import LevelResult
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)

@@ -26,7 +26,7 @@ from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
-from signorini_fx.mechanics.kinematics.protocol import tensors
+from signorini_fx.mechanics.kinematics import tensors
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.singularities import singular_corners, why_no_limit
 from signorini_fx.tuned import (

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.effects.contact import BY_SPEED, law_by_speed
 from signorini_fx.mechanics.effects.material import every_entry
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.effect import Effect
-from signorini_fx.mechanics.statement.generators import known_generators
+from signorini_fx.mechanics.statement.mesh_sources import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
 from signorini_fx.quantities.summary import Summary, own_quantities
 from signorini_fx.scenes.scene import Scene

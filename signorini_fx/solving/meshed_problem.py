@@ -28,13 +28,14 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.state import ContactValues, State
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import ACCURACY, OF_THE_BODY, History, Status
-from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
-from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
-from signorini_fx.results.accuracy.level_results import (
+from signorini_fx.results.accuracy.convergence_table import (
     LevelResult,
+    convergence_table,
     mean_spacing,
     regularisation_errors,
+    with_polygon,
 )
+from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.restart import StoredStates

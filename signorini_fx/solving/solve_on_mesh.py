@@ -45,14 +45,13 @@ from signorini_fx.solving.findings import (
 )
 from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.increments import Increments, check_step
-from signorini_fx.solving.load_path import run
+from signorini_fx.solving.load_path import all_steps, run
 from signorini_fx.solving.step import (
     Report,
     contact_equilibrium,
     recalled_equilibrium,
     step,
 )
-from signorini_fx.solving.time_steps import all_steps
 from signorini_fx.tuned import MOST_ADJOINT_UNKNOWNS, PATH_ERROR_SHARE
 
 if TYPE_CHECKING:

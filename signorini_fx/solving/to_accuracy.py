@@ -24,6 +24,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.quantities.summary import Price
 from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.convergence_table import (
+    LevelResult,
     convergence_table,
     fineness_of,
     polygon_error_of,
@@ -31,7 +32,6 @@ from signorini_fx.results.accuracy.convergence_table import (
     seen_rate,
     with_polygon,
 )
-from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import DIVIDED_FOR, LOCAL
 from signorini_fx.results.accuracy.pressure_error import diverging_row
 from signorini_fx.results.solution import Solution

@@ -11,8 +11,7 @@ from scenes import alone
 
 from signorini_fx import Status
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.results.accuracy.error_estimates import estimate_errors
-from signorini_fx.results.accuracy.long_cells import under_long_cells
+from signorini_fx.results.accuracy.error_estimates import estimate_errors, under_long_cells
 from signorini_fx.scenes.reading import parse_scene
 
 SIDES = {"length": 4.0, "height": 1.0}

@@ -43,8 +43,8 @@ from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.solving.increments import HalvedIncrements
+from signorini_fx.solving.load_path import time_steps
 from signorini_fx.solving.step import Failure, _added_forces, begun, step
-from signorini_fx.solving.time_steps import time_steps
 from signorini_fx.tuned import ENCLOSED
 
 # A bar of c = rho = E = 1 and length 1 that meets a wall: pressure 1 (in units of the velocity) for

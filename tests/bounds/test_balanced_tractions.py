@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
+from signorini_fx.addons.bounds.equilibrated_stress import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.error_bound import ROUND_OFF
 
 FACETS, HEIGHT, LENGTH = 13, 1.6, 1.6

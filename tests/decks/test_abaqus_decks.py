@@ -10,7 +10,7 @@ from mesh_files import read_file
 from scene_tables import coulomb_friction, fixed
 from scenes import alone
 
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, order_in
 from signorini_fx.results.contact_figures import section_forces

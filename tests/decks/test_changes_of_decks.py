@@ -9,7 +9,7 @@ import pytest
 from deck_lines import POISSON, YOUNG, squares, stacked
 from scenes import alone
 
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 from signorini_fx.scenes.reading import read_scene
 
 

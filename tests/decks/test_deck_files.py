@@ -7,7 +7,7 @@ import re
 import pytest
 from deck_lines import stacked
 
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 
 BASE = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
 STEP = BASE.index("*STEP")

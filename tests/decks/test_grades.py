@@ -6,7 +6,7 @@ import pytest
 from deck_lines import stacked
 
 from signorini_fx.addons.decks import unread_keywords
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 from signorini_fx.errors import MeshError
 from signorini_fx.scenes import cli
 

@@ -8,7 +8,7 @@ import re
 import pytest
 from deck_lines import STEEL, assembly, squares, stacked
 
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 from signorini_fx.errors import SignoriniError
 from signorini_fx.scenes.reading import parse_scene_text
 

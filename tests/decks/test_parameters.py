@@ -4,8 +4,8 @@ import pytest
 from deck_lines import STEEL, assembly, squares, stacked
 
 from signorini_fx.addons.decks import reading, unread_keywords
-from signorini_fx.addons.decks.draft import draft
-from signorini_fx.addons.decks.known_parameters import KNOWN
+from signorini_fx.addons.decks.reading import draft
+from signorini_fx.addons.decks.text import KNOWN
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.judged_problem import SolutionOnMesh, judged_problem
 from signorini_fx.scenes import cli

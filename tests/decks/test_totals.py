@@ -9,7 +9,7 @@ import pytest
 from deck_lines import STEEL, squares
 from scenes import alone
 
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 from signorini_fx.scenes.reading import read_scene
 
 BODIES = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP")]

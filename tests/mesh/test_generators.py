@@ -24,8 +24,7 @@ from signorini_fx.machine.compat import geometry_cells, geometry_degree
 from signorini_fx.mechanics.mesh.files.cells import CELLS, check_shape
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.mechanics.statement.generators import known_generators
-from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator, known_generators
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Element

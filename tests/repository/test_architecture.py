@@ -14,7 +14,7 @@ from commands import run_python
 
 from signorini_fx import InstallationError, extensions
 from signorini_fx.extensions import ADD_ONS, add_on
-from signorini_fx.mechanics.statement.generators import known_generators
+from signorini_fx.mechanics.statement.mesh_sources import known_generators
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "signorini_fx"

@@ -50,9 +50,8 @@ from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import Orthotropic, OrthotropicElastic
 from signorini_fx.mechanics.materials.path_dependent import J2, Maxwell
 from signorini_fx.mechanics.statement import settings
-from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, known_generators
 from signorini_fx.mechanics.statement.rigid_body import RigidMotion
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results

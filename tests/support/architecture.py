@@ -64,6 +64,7 @@ LAYERS = (
 CORE = ("algebra.algorithms", "algebra", "algebra.linalg", "algebra.contact")
 BESIDE = {
     "algebra.regularised": ("algebra.regularised",),
+    "mechanics.kinematics": ("mechanics.kinematics",),
     "scenes.cli": ("__main__",),
     "mechanics.body": ("mechanics.model", "mechanics.step_effect"),
     "mechanics.obstacles": ("mechanics.interfaces",),

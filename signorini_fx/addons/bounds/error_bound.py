@@ -25,7 +25,6 @@ from typing import TypeVar
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_scene import refused, unbounded
 from signorini_fx.addons.bounds.contact_displacement import admissible
 from signorini_fx.addons.bounds.contact_parts import (
@@ -36,7 +35,12 @@ from signorini_fx.addons.bounds.contact_parts import (
     bernstein,
     coefficients,
 )
-from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
+from signorini_fx.addons.bounds.equilibrated_stress import (
+    AdmissibleTractions,
+    EquilibratedStress,
+    balanced,
+    equilibrated,
+)
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
 from signorini_fx.addons.bounds.liftings import Liftings, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions

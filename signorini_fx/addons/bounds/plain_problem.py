@@ -16,9 +16,9 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.bounded_scene import refuse_jumps, refused
 from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts, coefficients
+from signorini_fx.addons.bounds.equilibrated_stress import onto_disc
 from signorini_fx.addons.bounds.simplices import (
     COLUMNS,
     EDGES,

@@ -14,8 +14,7 @@ import numpy as np
 from signorini_fx.addons.decks.mesh import DeckModel
 from signorini_fx.addons.decks.text import DeckBlock, number_of
 from signorini_fx.arrays import Array, Ints
-from signorini_fx.mechanics.kinematics import of_materials
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics, of_materials
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import dimension
 

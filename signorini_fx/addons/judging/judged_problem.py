@@ -21,7 +21,7 @@ from mpi4py import MPI
 from scipy.sparse.linalg import lsqr, splu
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.reading import draft
 from signorini_fx.arrays import Array, Flags, Ints, inner
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays

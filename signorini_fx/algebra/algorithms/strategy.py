@@ -22,9 +22,9 @@ from signorini_fx.algebra.algorithms.coulomb import (
     by_augmentation,
     coulomb_newton,
     coulomb_start,
+    fixed_point,
     proved,
 )
-from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets

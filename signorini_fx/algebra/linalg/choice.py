@@ -82,7 +82,7 @@ def choose_system(
         from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
         return KrylovSystem.of(elasticity), f"krylov: {reason}"
-    from signorini_fx.algebra.linalg.user_solver import UserSystem
+    from signorini_fx.algebra.linalg.krylov import UserSystem
 
     return UserSystem.named(kind, elasticity), f"{kind}: {reason}"
 

@@ -55,10 +55,10 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 from signorini_fx.solving.increments import HalvedIncrements, check_step
+from signorini_fx.solving.load_path import all_steps
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.step import Failure, ended, step
-from signorini_fx.solving.time_steps import all_steps
 
 if TYPE_CHECKING:
     from signorini_fx.forms.given_forms import (

@@ -16,7 +16,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.arrays import Array, Flags, Indices, quotient
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
+from signorini_fx.mechanics.kinematics import SPACE, Kinematics
 from signorini_fx.tuned import ROOT_OF_EPS
 
 # Let compilers reorder sums and so vectorise them: in 3D this halves the time, and the results

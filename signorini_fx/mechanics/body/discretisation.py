@@ -22,7 +22,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
     FormCoefficients,

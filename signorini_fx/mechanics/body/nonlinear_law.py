@@ -31,7 +31,7 @@ from signorini_fx.arrays import Array, Expr, Indices
 from signorini_fx.mechanics.assembly.mesh_entities import measure as surface_measure
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
-from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, position, tensors
+from signorini_fx.mechanics.kinematics import Kinematics, components, position, tensors
 from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients

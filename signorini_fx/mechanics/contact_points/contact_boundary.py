@@ -36,8 +36,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     measure,
     node_positions,
 )
-from signorini_fx.mechanics.kinematics import of_components
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics, of_components
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT

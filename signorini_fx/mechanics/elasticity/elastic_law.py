@@ -25,7 +25,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form, strain_degree
 from signorini_fx.mechanics.elasticity.moduli import CellwiseStiffness, Coefficient
-from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, position
+from signorini_fx.mechanics.kinematics import Kinematics, components, position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 

@@ -18,8 +18,7 @@ from dolfinx import fem
 
 from signorini_fx.arrays import Expr
 from signorini_fx.mechanics.effects.loads import Traction
-from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC, Kinematics, position
+from signorini_fx.mechanics.kinematics import AXISYMMETRIC, CARTESIAN, Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, is_zero

@@ -15,8 +15,7 @@ import numpy as np
 from pydantic import AfterValidator
 
 from signorini_fx.arrays import Array, Expr
-from signorini_fx.mechanics.kinematics import CARTESIAN, HYPOTHESES, hypotheses
-from signorini_fx.mechanics.kinematics.protocol import tensors
+from signorini_fx.mechanics.kinematics import CARTESIAN, HYPOTHESES, hypotheses, tensors
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features, Stated
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, Positive, SampledValue
 

@@ -11,7 +11,7 @@ import numpy as np
 from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
-from signorini_fx.mechanics.kinematics.protocol import tensors
+from signorini_fx.mechanics.kinematics import tensors
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import PAIRS, Material, stress_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DIFFERENCE_STEP, SAME_TANGENT

@@ -354,7 +354,7 @@ def generate_mesh(
         12
     """
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
-    from signorini_fx.mechanics.statement.generators import found_generator
+    from signorini_fx.mechanics.statement.mesh_sources import found_generator
 
     generate, values = found_generator(name, parameters)
     in_rows = not getattr(generate, "sized", False)

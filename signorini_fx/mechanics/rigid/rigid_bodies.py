@@ -30,7 +30,7 @@ from signorini_fx.arrays import Array, Flags
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.mechanics.statement.rigid_shape import Shape, turning

@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Entries, Finite, TimedValue
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.kinematics.protocol import Kinematics
+    from signorini_fx.mechanics.kinematics import Kinematics
     from signorini_fx.mechanics.statement.load_path import LoadSteps
     from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings, Units
 

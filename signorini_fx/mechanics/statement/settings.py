@@ -99,7 +99,7 @@ class SolverSettings(Table):
             or FGMRES with algebraic multigrid), ``condensed`` (the contact nodes only, dense; on
             several ranks in 2D), ``auto`` (krylov for large bodies in 3D, condensed where it is
             cheaper than full), or the name of a linear solver of another package, see
-            ``linalg.user_solver``.
+            ``linalg.krylov``.
         levels: meshes of a nested iteration, each with elements half as large as the previous one;
             the last is the mesh of the scene, which must come from a generator.
         max_iterations: linear solves allowed for one regularised problem.

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any, Self, TypeVar
 
 from signorini_fx.arrays import Array
-from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
+from signorini_fx.mechanics.kinematics import SPACE, Kinematics
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, Load, Stated
 from signorini_fx.mechanics.statement.load_path import LoadPath, factor_at

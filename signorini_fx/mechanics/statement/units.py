@@ -10,8 +10,7 @@ from contextvars import ContextVar
 from types import MappingProxyType
 from typing import Any
 
-from signorini_fx.mechanics.kinematics import of_data
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics import Kinematics, of_data
 
 # The unit of a force that is a stress times the square of a length, where it has a name.
 _FORCES = {

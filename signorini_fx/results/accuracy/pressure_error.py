@@ -18,7 +18,7 @@ import numpy as np
 from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, Kinematics
+from signorini_fx.mechanics.kinematics import PLANE_STRAIN, Kinematics
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.tuned import (
     CHANGES_USED,
