@@ -14,7 +14,15 @@ from petsc4py import PETSc
 
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
-from signorini_fx.forms.given_forms import given_forms
+from signorini_fx.forms.given_forms import (
+    CompilerOptions,
+    Density,
+    Law,
+    PetscOptions,
+    SettingValue,
+    UflOrCompiled,
+    given_forms,
+)
 from signorini_fx.forms.solver import UNDERIVED, FormSolver, options_applied, solve_now
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -29,14 +37,6 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
     from signorini_fx.arrays import Array
-    from signorini_fx.forms.given_forms import (
-        CompilerOptions,
-        Density,
-        Law,
-        PetscOptions,
-        SettingValue,
-        UflOrCompiled,
-    )
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
     from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap

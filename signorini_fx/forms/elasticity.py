@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import FormError
-from signorini_fx.forms.given_forms import GivenForms, Law
+from signorini_fx.forms.given_forms import Energy, GivenForms, Law
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -49,7 +49,6 @@ from signorini_fx.tuned import NOTHING_LEFT
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
-    from signorini_fx.forms.given_forms import Energy
     from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.resultants import ActingForces, NamedForces

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -22,7 +22,10 @@ from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import FormMechanics, elastic_body, modulus_of, natural_modulus
 from signorini_fx.forms.given_forms import (
+    Density,
     GivenForms,
+    PetscOptions,
+    SettingValue,
     conditions_of,
     named_parts,
     settings_of,
@@ -51,9 +54,6 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
-
-if TYPE_CHECKING:
-    from signorini_fx.forms.given_forms import Density, PetscOptions, SettingValue
 
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
 

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.solver import Clock, FormSolver, options_applied
+from signorini_fx.forms.solver import BodyOfForms, Clock, FormSolver, options_applied
 from signorini_fx.machine.result_files import folder_path
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -25,9 +24,6 @@ from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
 from signorini_fx.solving.step import Report, step
 from signorini_fx.tuned import MOST_ADJOINT_UNKNOWNS
-
-if TYPE_CHECKING:
-    from signorini_fx.forms.solver import BodyOfForms
 
 Ran = tuple[LoadPath, list[Report]]  # the load path of a run, and the reports of its steps
 

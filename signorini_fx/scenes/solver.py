@@ -19,7 +19,7 @@ from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.quantities.summary import own_quantities
-from signorini_fx.records import History
+from signorini_fx.records import History, Observer
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh
 from signorini_fx.scenes.reading import as_scene
@@ -28,7 +28,6 @@ from signorini_fx.solving.solve_on_mesh import StatedProblem, solve_mesh, stated
 
 if TYPE_CHECKING:
     from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
-    from signorini_fx.records import Observer
     from signorini_fx.solving.restart import StoredStates
 
 

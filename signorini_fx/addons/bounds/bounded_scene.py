@@ -6,11 +6,10 @@ import ast
 import math
 from collections.abc import Iterator
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Value
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import Displacement
@@ -23,9 +22,6 @@ from signorini_fx.mechanics.statement.effect import ForceDensity
 from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
-
-if TYPE_CHECKING:
-    from signorini_fx.arrays import Value
 
 # What a guaranteed bound is for; what else a scene has is named behind it.
 BOUNDED = (

@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, cycle, groupby, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -34,13 +34,10 @@ from signorini_fx.addons.pictures.style import (
     plain,
     unit_of,
 )
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Columns, Flags, Ints
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
-
-if TYPE_CHECKING:
-    from signorini_fx.arrays import Columns
 
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -37,12 +36,9 @@ from signorini_fx.addons.pictures.style import (
     readable,
     unit_of,
 )
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Columns, Flags, Ints
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
-
-if TYPE_CHECKING:
-    from signorini_fx.arrays import Columns
 
 # The rows of a facet in the order of VTK, as polygons of vertices.
 _POLYGONS = {

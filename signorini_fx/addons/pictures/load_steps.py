@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -25,12 +25,9 @@ from signorini_fx.addons.pictures.style import (
     plain,
     unit_of,
 )
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Columns
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
-
-if TYPE_CHECKING:
-    from signorini_fx.arrays import Columns
 
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)
 _MOST_PROFILES = 5

@@ -15,7 +15,7 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, rigid_motions_of
 from signorini_fx.addons.pictures.style import finish, plain
-from signorini_fx.arrays import Array, Ints, inner
+from signorini_fx.arrays import Array, Columns, Ints, inner
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import labelled
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from signorini_fx.addons.pictures.foundation import DrawnSurface
     from signorini_fx.addons.pictures.setup import Setup
-    from signorini_fx.arrays import Columns
 
 
 def gather_pictures(

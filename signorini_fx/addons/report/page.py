@@ -12,7 +12,6 @@ import os
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from signorini_fx import __version__
 from signorini_fx.addons.report import sections
@@ -24,10 +23,7 @@ from signorini_fx.machine.display import status_in_words
 from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.statement.units import labelled, names_of
-from signorini_fx.quantities.shown import was_solved
-
-if TYPE_CHECKING:
-    from signorini_fx.quantities.shown import Summary
+from signorini_fx.quantities.shown import Summary, was_solved
 
 PAGE = "report.html"
 # By this a page is known to be one of these.

@@ -33,7 +33,7 @@ from signorini_fx.forms.elasticity import (
     elastic_body,
     natural_modulus,
 )
-from signorini_fx.forms.given_forms import given_forms
+from signorini_fx.forms.given_forms import Density, PetscOptions, SettingValue, given_forms
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingRigidBodies,
     MovingShape,
@@ -83,7 +83,6 @@ from signorini_fx.solving.step import with_contact
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
 if TYPE_CHECKING:
-    from signorini_fx.forms.given_forms import Density, PetscOptions, SettingValue
     from signorini_fx.mechanics.interfaces import Facets, Foundation, Pair
 
 # Statuses of a contact problem whose active sets were not found.

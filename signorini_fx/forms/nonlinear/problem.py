@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import ufl
@@ -19,6 +19,12 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.elasticity import exterior_facets
 from signorini_fx.forms.given_forms import (
+    CompilerOptions,
+    Density,
+    FormOptions,
+    PetscOptions,
+    SettingValue,
+    UflOrCompiled,
     foundations_of,
     space_of,
     supported,
@@ -59,16 +65,6 @@ from signorini_fx.solving.load_path import all_steps
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.step import Failure, ended, step
-
-if TYPE_CHECKING:
-    from signorini_fx.forms.given_forms import (
-        CompilerOptions,
-        Density,
-        FormOptions,
-        PetscOptions,
-        SettingValue,
-        UflOrCompiled,
-    )
 
 
 def checked(

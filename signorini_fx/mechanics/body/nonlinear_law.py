@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import basix
 import basix.ufl
@@ -35,17 +34,18 @@ from signorini_fx.mechanics.kinematics import Kinematics, components, position, 
 from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent, growth
-from signorini_fx.mechanics.materials.protocol import PAIRS
+from signorini_fx.mechanics.materials.nonlinear import (
+    Hyperelastic,
+    NonlinearMaterial,
+    PathDependent,
+    growth,
+)
+from signorini_fx.mechanics.materials.protocol import PAIRS, Material
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.state import Field, at_cells
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
-
-if TYPE_CHECKING:
-    from signorini_fx.mechanics.materials.nonlinear import NonlinearMaterial
-    from signorini_fx.mechanics.materials.protocol import Material
 
 
 def at_rest(statement: Statement) -> Statement:
