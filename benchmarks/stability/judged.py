@@ -253,9 +253,8 @@ def spoiled(said: str, rng: Any, problem: Any, v: Any) -> tuple[Any, list[int]]:
 
 def judged(folder: Path, name: str, kind: str, number: int) -> tuple[str, ...]:
     """The row of a run."""
-    from signorini_fx.addons.judging.foreign_result import read_result
     from signorini_fx.addons.judging.judge import AGREES, judge
-    from signorini_fx.addons.judging.judged_problem import judged_problem
+    from signorini_fx.addons.judging.judged_problem import judged_problem, read_result
 
     stated, _, said, words, value = drawn(number, kind)
     file, result = (

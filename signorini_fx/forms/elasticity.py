@@ -41,8 +41,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
-from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.certificate.equilibrium import Balance, PrescribedNodes, RigidPart
 from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.tuned import NOTHING_LEFT
 

@@ -23,14 +23,14 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
-from signorini_fx.results.certificate.contact_nodes import ContactConditions
-from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import (
+from signorini_fx.results.certificate.contact_nodes import (
+    ContactConditions,
     Law,
     PreviousStep,
     Tractions,
     overclosures_of,
 )
+from signorini_fx.results.certificate.equilibrium import Balance
 
 if TYPE_CHECKING:
     from signorini_fx.algebra.linalg import ElasticSystem

@@ -38,7 +38,7 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.convergence_table import border_of
 from signorini_fx.results.accuracy.error_estimates import areas, missed_by_points
 from signorini_fx.results.accuracy.pressure_error import chords, growing_rows
-from signorini_fx.results.certificate.law_of_method import overclosures_of
+from signorini_fx.results.certificate.contact_nodes import overclosures_of
 from signorini_fx.results.singularities import ends_on_another, why_no_limit
 from signorini_fx.tuned import (
     FEW_NODES,

@@ -20,9 +20,12 @@ from signorini_fx.mechanics.kinematics import CARTESIAN, Kinematics
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import AddedForces
-from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
+from signorini_fx.results.certificate.contact_nodes import (
+    ContactConditions,
+    ContactNodes,
+    Tractions,
+)
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 # A part of the boundary, None for the body; what acts there, in words; the forces, shape (owned

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.tagged import arrays_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import Finding, History, Timings
-from signorini_fx.results.accuracy.expected_cost import Cost, estimated_cost
+from signorini_fx.results.accuracy.convergence_table import Cost, estimated_cost
 from signorini_fx.results.accuracy.next_accuracy import between
 from signorini_fx.scenes.found_contacts import without_contact
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.state import ContactValues, Field, State, at_cells
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
+from signorini_fx.results.certificate.contact_nodes import PreviousStep, Tractions
 from signorini_fx.tuned import ROOT_OF_EPS
 
 _PRESSURE = "hydrostatic pressure"  # of a mixed element at the vertices of cells, a stress

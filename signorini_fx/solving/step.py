@@ -24,14 +24,15 @@ from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, Place
 from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
-from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
-from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import (
+from signorini_fx.results.certificate.contact_nodes import (
+    ContactConditions,
+    ContactNodes,
     Law,
     PreviousStep,
     Tractions,
     overclosures_of,
 )
+from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.solving.frames import Posed, solution_of, start_of, state_of, vectors_of
 

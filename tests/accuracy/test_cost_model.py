@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from scenes import example1, prepared
 
 from signorini_fx.algebra.linalg.factorisation import factor_entries, has_package
-from signorini_fx.results.accuracy.expected_cost import factorisation_seconds
+from signorini_fx.results.accuracy.convergence_table import factorisation_seconds
 
 # What a core of the 2020s does in a sparse factorisation: from small fronts, where the ordering
 # takes most of the time, to large ones that run at the speed of a dense product.

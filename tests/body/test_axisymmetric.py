@@ -15,7 +15,7 @@ from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -37,7 +37,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.certificate.contact_nodes import Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes import cli

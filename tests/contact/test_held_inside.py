@@ -13,7 +13,7 @@ from certifying import certify
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone
 
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.scenes.reading import parse_scene
 
 DEPTH, FORCE = 1e-3, 0.09197869954726  # of ``by_hand``, in 2D

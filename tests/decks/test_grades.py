@@ -5,7 +5,7 @@ import re
 import pytest
 from deck_lines import stacked
 
-from signorini_fx.addons.decks import unread_keywords
+from signorini_fx.addons.decks import text as keywords
 from signorini_fx.addons.decks.reading import draft
 from signorini_fx.errors import MeshError
 from signorini_fx.scenes import cli
@@ -217,7 +217,7 @@ def decks_of(*tables, partly):
     """
     for table in tables:
         for keyword, effect in table.items():
-            other = effect == unread_keywords.OTHER_PROCEDURE
+            other = effect == keywords.OTHER_PROCEDURE
             before = ["*END STEP", "*STEP"] if other else []
             yield effect, WHOLE.get(keyword, ([], [*before, f"*{keyword}"]))
     for effect, decks in partly.items():
@@ -237,8 +237,8 @@ def test_grades(tmp_path, grade):
     """
     elements = {"GAP": "not read", "CONNECTORFRICTION": "not read"}
     decks = {
-        "lost": decks_of(unread_keywords.LOST, elements, partly=LOST),
-        "noted": decks_of(unread_keywords.NOTED, partly=NOTED),
+        "lost": decks_of(keywords.LOST, elements, partly=LOST),
+        "noted": decks_of(keywords.NOTED, partly=NOTED),
     }
     wrong = []
     for effect, changes in decks[grade]:

@@ -3,9 +3,9 @@
 import pytest
 from deck_lines import STEEL, assembly, squares, stacked
 
-from signorini_fx.addons.decks import reading, unread_keywords
+from signorini_fx.addons.decks import reading
 from signorini_fx.addons.decks.reading import draft
-from signorini_fx.addons.decks.text import KNOWN
+from signorini_fx.addons.decks.text import KNOWN, OUTPUT
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.judged_problem import SolutionOnMesh, judged_problem
 from signorini_fx.scenes import cli
@@ -55,7 +55,7 @@ def with_lines(before=(), within=(), **changes):
 
 def test_each_keyword_that_is_read_has_its_parameters():
     """One table for both: what is read, and what is known of it."""
-    read = {*reading._READERS, *reading._READ_ELSEWHERE} - {*unread_keywords.OUTPUT}
+    read = {*reading._READERS, *reading._READ_ELSEWHERE} - {*OUTPUT}
     assert read == {*KNOWN}
 
 

@@ -19,7 +19,7 @@ from spaces import uneven
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Element
 from signorini_fx.scenes.solver import solve

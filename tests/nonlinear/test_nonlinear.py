@@ -26,7 +26,7 @@ from support.nonlinear_bodies import (
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.results import certified
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 
 
 def triangles_of(space):

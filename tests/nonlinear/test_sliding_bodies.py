@@ -42,7 +42,7 @@ from signorini_fx import (
 )
 from signorini_fx.forms.nonlinear.results import certified
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.scenes.reading import parse_scene
 
 PRESSED = ((0, -0.1), (0, -0.2))

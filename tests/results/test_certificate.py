@@ -18,7 +18,7 @@ from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.certificate.contact_nodes import Law, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import solve_on_mesh

@@ -13,7 +13,7 @@ from two_bodies import assembled, grid
 
 from signorini_fx import Status, solve
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.reading import parse_scene
 

@@ -11,7 +11,7 @@ from certifying import certify
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone
 
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 

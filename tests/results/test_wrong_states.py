@@ -12,7 +12,7 @@ from scene_tables import box_mesh, coulomb_friction, rectangle_mesh
 from test_certificate_of_pairs import scene as two_bodies
 
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -17,7 +17,7 @@ from scenes import alone
 from spaces import CELLS
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.scenes.reading import parse_scene
 
 YOUNG = 5000.0

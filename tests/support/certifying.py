@@ -2,7 +2,7 @@
 
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
-from signorini_fx.results.certificate.law_of_method import UNREGULARISED
+from signorini_fx.results.certificate.contact_nodes import UNREGULARISED
 from signorini_fx.results.mechanics import StatedMechanics
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
-from signorini_fx.addons.decks.text import DeckBlock, parameter, real, real_or_none
-from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
+from signorini_fx.addons.decks.text import CONSTRAINT, DeckBlock, parameter, real, real_or_none
 from signorini_fx.arrays import Ints, inner
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection
-from signorini_fx.addons.decks.text import DeckBlock, DeckError, parameter, real
-from signorini_fx.addons.decks.unread_keywords import NO_BODY_PART
+from signorini_fx.addons.decks.text import NO_BODY_PART, DeckBlock, DeckError, parameter, real
 
 _NOT_YET_NONLINEAR = "a nonlinear material is not possible yet"
 _FIRST_LINE = "constants that depend on temperature: the first line is taken"

@@ -1,5 +1,5 @@
-"""Reading an Abaqus input file: each keyword has a function here, or an entry in
-``unread_keywords``.  ``draft`` makes the scene.
+"""Reading an Abaqus input file: each keyword has a function here, or an entry among
+the keywords of ``text``.  ``draft`` makes the scene.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.decks import loads, material, unread_keywords
+from signorini_fx.addons.decks import loads, material
 from signorini_fx.addons.decks.assembly import LEVELS
-from signorini_fx.addons.decks.bolts import bolt_tables, read_bolt
 from signorini_fx.addons.decks.contact import (
     contact_tables,
     read_behaviour,
@@ -28,8 +27,16 @@ from signorini_fx.addons.decks.contact import (
     set_sliding,
 )
 from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.loads import bolt_tables, read_bolt
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
 from signorini_fx.addons.decks.text import (
+    CHANGED_WITHIN,
+    LOST,
+    NO_BODY_PART,
+    NOTED,
+    OTHER_PROCEDURE,
+    OUTPUT,
+    UNKNOWN,
     DeckBlock,
     factors_of,
     lines_of,
@@ -47,10 +54,10 @@ _ASSUMED = {"axisymmetric": "CAX", "plane stress": _STRESS, "plane strain": "CPE
 # Keywords of steps, which have no meaning outside of them.
 _OF_STEPS = {"STATIC", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE"}
 _WEIGHT = re.compile("GRAV|CENTRIF", re.IGNORECASE)
-_OTHER_PROCEDURE = unread_keywords.OTHER_PROCEDURE
+_OTHER_PROCEDURE = OTHER_PROCEDURE
 _PROCEDURES = {
     "STATIC",
-    *(name for name, effect in unread_keywords.LOST.items() if effect == _OTHER_PROCEDURE),
+    *(name for name, effect in LOST.items() if effect == _OTHER_PROCEDURE),
 }
 
 
@@ -72,13 +79,13 @@ def read_deck(file: Path) -> Deck:
             for written in block.unread:
                 deck.lose(block, f"{written} is not read")
             if deck.steps and block.keyword in _BEFORE_STEPS:
-                deck.lose(block, unread_keywords.CHANGED_WITHIN)
+                deck.lose(block, CHANGED_WITHIN)
             elif block.keyword in _READERS:
                 _READERS[block.keyword](deck, block)
-            elif block.keyword in unread_keywords.NOTED:
-                deck.note(block, unread_keywords.NOTED[block.keyword])
+            elif block.keyword in NOTED:
+                deck.note(block, NOTED[block.keyword])
             elif block.keyword not in _READ_ELSEWHERE:
-                deck.lose(block, unread_keywords.LOST.get(block.keyword, unread_keywords.UNKNOWN))
+                deck.lose(block, LOST.get(block.keyword, UNKNOWN))
     return deck
 
 
@@ -146,7 +153,7 @@ def _read_element(deck: Deck, block: DeckBlock) -> None:
     kind = block.parameters["TYPE"].upper()
     if NO_BODY.match(kind):
         if not POINTS.match(kind):
-            deck.lose(block, f"{kind}: {unread_keywords.NO_BODY_PART}")
+            deck.lose(block, f"{kind}: {NO_BODY_PART}")
         return
     assumed = next((name for name, pattern in _ASSUMED.items() if re.match(pattern, kind)), "")
     if (
@@ -186,7 +193,7 @@ def _read_level(deck: Deck, block: DeckBlock) -> None:
     instances.
     """
     if not any(other.keyword == "INSTANCE" for other in deck.model.blocks):
-        deck.lose(block, unread_keywords.UNKNOWN)
+        deck.lose(block, UNKNOWN)
 
 
 def _read_mass(deck: Deck, block: DeckBlock) -> None:
@@ -219,7 +226,7 @@ _READ_ELSEWHERE = {
     "SYSTEM",
     "INCLUDE",
     "RESTART",
-    *unread_keywords.OUTPUT,
+    *OUTPUT,
 }
 _BEFORE_STEPS = {
     "DENSITY",

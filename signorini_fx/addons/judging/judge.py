@@ -17,16 +17,16 @@ import numpy as np
 
 from signorini_fx.addons.decks.results import ForeignResult
 from signorini_fx.addons.judging.alternatives import nearest_alternative
-from signorini_fx.addons.judging.foreign_result import read_result
 from signorini_fx.addons.judging.judged_problem import (
     JudgedProblem,
     NotJudgedError,
     SolutionOnMesh,
     judged_problem,
+    read_result,
 )
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.mesh.halving import halved
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.results.files import for_json
 from signorini_fx.tuned import (
     JUDGED_DIGITS,

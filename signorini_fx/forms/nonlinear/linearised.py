@@ -68,7 +68,7 @@ from signorini_fx.mechanics.statement.rigid_body import COMPONENTS, RigidBody
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement, Shape, corners_of
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status
-from signorini_fx.results.certificate.law_of_method import PreviousStep
+from signorini_fx.results.certificate.contact_nodes import PreviousStep
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.solving.frames import (
     Posed,

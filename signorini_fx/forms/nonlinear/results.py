@@ -31,12 +31,15 @@ from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSid
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
-from signorini_fx.results.certificate.body_nodes import RigidPart
 from signorini_fx.results.certificate.certificate import Certificate, judged
-from signorini_fx.results.certificate.contact_nodes import ContactConditions
+from signorini_fx.results.certificate.contact_nodes import (
+    ContactConditions,
+    Law,
+    PreviousStep,
+    Tractions,
+)
 from signorini_fx.results.certificate.corner_feet import judged_corners
-from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.equilibrium import Balance, RigidPart
 from signorini_fx.results.certificate.pair_points import PairPoints
 from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.results.resultants import ActingForces

@@ -19,19 +19,20 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import JUDGED, REPORTED, Finding
-from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
+from signorini_fx.results.certificate.contact_nodes import (
+    UNREGULARISED,
+    ContactConditions,
+    ContactNodes,
+    Law,
+    PreviousStep,
+    Tractions,
+)
 from signorini_fx.results.certificate.equilibrium import (
     Balance,
     PieceScales,
     change_of_volume,
     equilibrium,
     share,
-)
-from signorini_fx.results.certificate.law_of_method import (
-    UNREGULARISED,
-    Law,
-    PreviousStep,
-    Tractions,
 )
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 

@@ -35,7 +35,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
+from signorini_fx.results.certificate.equilibrium import PrescribedNodes, RigidPart
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
