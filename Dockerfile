@@ -38,13 +38,14 @@ ENV OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl=self,
 
 FROM runtime AS environment
 
-# nbclient, ipykernel: the tests execute the tutorial; getfem: a rival in the benchmarks.
+# nbclient, ipykernel: the tests execute the tutorial; getfem, calculix-ccx: rivals in the benchmarks
+# (trixie has no calculix-ccx, sid has).
 # The command is the checkout's own, for as long as the package is not installed (./env sets PYTHONPATH).
 RUN apt-get update -q \
  && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends \
         python3-pytest python3-pytest-timeout python3-pytest-xdist python3-hypothesis python3-cvxopt mypy \
-        python3-jsonschema python3-nbclient python3-nbformat python3-ipykernel python3-getfem python3-tomli-w \
-        python3-pip python3-setuptools make \
+        python3-jsonschema python3-nbclient python3-nbformat python3-ipykernel python3-tomli-w \
+        python3-getfem $(apt-cache --names-only search '^calculix-ccx$' | cut -d' ' -f1) python3-pip python3-setuptools make \
  && apt-get clean \
  && rm -rf /var/lib/apt/lists/* \
  && printf '#!/bin/sh\nexec python3 -m signorini_fx "$@"\n' > /usr/local/bin/signorini-fx \

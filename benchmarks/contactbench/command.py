@@ -60,7 +60,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--seconds", type=float, default=60.0, help="no finer mesh where one took longer"
     )
-    run.add_argument("--csv", type=Path, help="append the rows to this file")
+    run.add_argument(
+        "--csv", type=Path, help="append the rows to this file; what it has is not run again"
+    )
     return parser
 
 
@@ -96,7 +98,8 @@ def _judged(problem: Problem, results: list[Result]) -> int:
 
 
 def _run_programs(given: argparse.Namespace) -> int:
-    failed = False
+    rows = _recorded(given.csv)
+    there = {(row["program"], row["problem"]) for row in rows}
     for program in given.program or ADAPTERS:
         try:
             solve = adapter(program)
@@ -104,17 +107,30 @@ def _run_programs(given: argparse.Namespace) -> int:
             print(f"{program}: skipped: {why}", flush=True)
             continue
         for name in given.problem or problem_names():
-            rows = list(_solved(program, solve, read_problem(name), given.levels, given.seconds))
-            failed |= any(
-                row["meets"] == FAILED or (row["level"] == 0 and row["meets"] == "no")
-                for row in rows
-            )
+            if (program, name) in there:
+                continue
+            new = list(_solved(program, solve, read_problem(name), given.levels, given.seconds))
             if given.csv:
-                _append(given.csv, rows)
-    return int(failed)
+                _append(given.csv, new)
+            rows += new
+    if rows:
+        print("", *summary(rows), sep="\n")
+    return int(
+        any(
+            row["meets"] == FAILED or (row["level"] == "0" and row["meets"] == "no") for row in rows
+        )
+    )
 
 
-def _append(path: Path, rows: list[dict[str, object]]) -> None:
+def _recorded(path: Path | None) -> list[dict[str, str]]:
+    """The rows of a file; none where there is no file."""
+    if path is None or not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _append(path: Path, rows: list[dict[str, str]]) -> None:
     new = not path.exists()
     with path.open("a", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
@@ -123,30 +139,62 @@ def _append(path: Path, rows: list[dict[str, object]]) -> None:
         writer.writerows(rows)
 
 
+def summary(rows: list[dict[str, str]]) -> Iterator[str]:
+    """A table in Markdown with a line for each program; before it, what each fails."""
+    counts = []
+    for program in dict.fromkeys(row["program"] for row in rows):
+        own = [row for row in rows if row["program"] == program]
+        named = {
+            meets: sorted({row["problem"] for row in own if row["meets"] == meets})
+            for meets in (FAILED, "no", SKIPPED)
+        }
+        for meets, what in ((FAILED, "fails"), ("no", "is beyond a tolerance")):
+            if named[meets]:
+                yield f"{program} {what}: {', '.join(named[meets])}"
+        values = [row for row in own if row["quantity"]]
+        solved = {row["problem"] for row in own} - {*named[FAILED], *named[SKIPPED]}
+        seconds = {(row["problem"], row["level"]): float(row["seconds"]) for row in values}
+        beyond = sum(row["meets"] == "no" for row in values)
+        cells = (
+            program,
+            len(solved),
+            len(named[FAILED]),
+            len(named[SKIPPED]),
+            len(values),
+            beyond,
+            f"{sum(seconds.values()):.0f}",
+        )
+        counts.append("| " + " | ".join(map(str, cells)) + " |")
+    yield ""
+    yield "| program | solved | failed | skipped | values | beyond their tolerance | CPU seconds |"
+    yield "|---|---|---|---|---|---|---|"
+    yield from counts
+
+
 def _solved(
     program: str,
     solve: Callable[[Problem, Grid], Answer],
     problem: Problem,
     levels: int,
     limit: float,
-) -> Iterator[dict[str, object]]:
+) -> Iterator[dict[str, str]]:
     """A row for each quantity on each mesh; one without a quantity where the program cannot, or
     fails.
     """
     level = -1
     while (level := level + 1) < levels:
         where = f"{program}, {problem.name}, level {level}"
-        row: dict[str, object] = {"problem": problem.name, "program": program, "level": level}
+        row = {"problem": problem.name, "program": program, "level": str(level)}
         grid = make_grid(problem, level)
         try:
             answer = solve(problem, grid)
         except CannotRun as why:
             print(f"{where}: skipped: {why}", flush=True)
-            yield row | {"meets": SKIPPED, "note": str(why)}
+            yield row | {"quantity": "", "meets": SKIPPED, "note": str(why)}
             return
         except Exception as error:
             print(f"{where}: FAILED: {error}", flush=True)
-            yield row | {"meets": FAILED, "note": str(error)[:LONGEST]}
+            yield row | {"quantity": "", "meets": FAILED, "note": str(error)[:LONGEST]}
             return
         if answer.seconds > limit and level + 1 < levels:
             print(f"{where}: took {answer.seconds:.3g} s: no finer mesh is run", flush=True)
@@ -160,7 +208,7 @@ def _solved(
                 "value": f"{verdict.result.value:.9g}",
                 "error": f"{verdict.error:.3e}",
                 "meets": "yes" if verdict.meets else "no",
-                "unknowns": answer.unknowns,
+                "unknowns": str(answer.unknowns),
                 "seconds": f"{answer.seconds:.3g}",
                 "note": answer.note,
             }

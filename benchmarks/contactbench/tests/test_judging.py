@@ -144,4 +144,8 @@ def test_programs_that_are_not_there_are_named(monkeypatch, capsys, tmp_path):
     assert [(row["problem"], row["meets"], row["note"]) for row in rows] == [
         ("wedge", "skipped", "it has no wedges"),
         ("ring", "failed", "it diverged"),
-    ] * 2
+    ]
+    said = capsys.readouterr().out.splitlines()
+    assert said.count("getfem, ring, level 0: FAILED: it diverged") == 1  # not run again
+    assert said.count("getfem fails: ring") == 2
+    assert said[-1] == "| getfem | 0 | 1 | 1 | 0 | 0 | 0 |"
