@@ -501,6 +501,9 @@ MOST_PLACES = 400
 # facet goes on behind a vertex that turns by less than the second one.  Choice: 30 and 45 degrees;
 # of a hook that slides over a corner 45 and 30 give the same, 60 a false wall.
 ALONG_FACET, BEYOND_FACET = 0.866, 0.707
+# Coordinates along a facet, 0 to 1 on it, within which it is prolonged for a second point.  Choice:
+# a foot on the nearer half of one facet is half a facet beyond the other, if both are as long.
+PROLONGED_FACET = -0.6, 1.6
 # Points along each axis of the grid on which the middle of the largest ball is sought: an odd
 # number.  Choice.
 INRADIUS_GRID = 9

@@ -98,6 +98,18 @@ def two_matrices(dimension, comm):
     return ours, theirs, space  # whose communicator is that of the matrices
 
 
+def test_rows_at_columns_of_the_same_number():
+    """They were those of the columns that were asked for first."""
+    ours, theirs, _ = two_matrices(2, MPI.COMM_SELF)
+    blocked = blocks.with_added(ours, theirs)
+    some = PETSc.IS().createGeneral(np.arange(6, dtype=np.int32), comm=MPI.COMM_SELF)
+    others = PETSc.IS().createGeneral(np.arange(6, 12, dtype=np.int32), comm=MPI.COMM_SELF)
+    for columns in (some, others):
+        expected = 2 * theirs.createSubMatrix(some, columns)
+        found = blocked.createSubMatrix(some, columns)
+        assert (found - expected).norm() <= 1e-12 * theirs.norm()
+
+
 @pytest.fixture
 def either(monkeypatch):
     """Solves a scene by blocks and with a sparse matrix; with each solution the Krylov steps of all

@@ -86,9 +86,9 @@ class BlockMatrix:
     def __init__(self, rows: BlockRows, added: PETSc.Mat | None = None) -> None:
         self.rows = rows
         self.added = None if added is None else row_by_row(added)
-        # Requested rows of A, with room for C, by the handle of their index set and their number of
-        # columns; the index set is kept so that its handle stays unique.
-        self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
+        # Requested rows of A, with room for C, by the handles of the index sets of rows and of
+        # columns, 0: all; the index sets are kept so that their handles stay unique.
+        self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS, PETSc.IS]] = {}
 
     @called_back
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -116,13 +116,14 @@ class BlockMatrix:
         if self.added is None:
             return self._elastic(matrix, rows, columns)
         added = self.added.createSubMatrix(rows, columns)
-        key = (rows.handle, columns.getSize())
+        every = columns.getSize() == matrix.getSize()[1]
+        key = (rows.handle, 0 if every else columns.handle)
         if key not in self._parts:
             part = self._elastic(matrix, rows, columns)
             pattern = added.copy()
             pattern.zeroEntries()
             part.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
-            self._parts[key] = row_by_row(part), rows
+            self._parts[key] = row_by_row(part), rows, columns
         part = self._parts[key][0]
         if into is None:
             into = part.copy()

@@ -279,10 +279,6 @@ class FiniteRigidMotion(RigidBodyMotion):
         away = (boundary.centre + relative)[touching] - self.reference
         return np.asarray(np.linalg.solve(axes - across.T, away.T).T)
 
-    def lever(self, x: Array, displacements: Array) -> Array:
-        """Return the arms of displaced points about the displaced pivot, length, shape (n, d)."""
-        return x + displacements - self.reference - self.translation
-
 
 @dataclass(frozen=True)
 class MovingRigidBodies(RigidBodies):

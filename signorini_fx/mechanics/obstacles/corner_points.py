@@ -40,6 +40,7 @@ from signorini_fx.tuned import (
     BEYOND_FACET,
     DIGITS_OF_FILES,
     MANY_STEPS,
+    PROLONGED_FACET,
     SAME_LENGTH,
     ZERO_COMPONENT,
 )
@@ -195,7 +196,7 @@ class CornerFeet:
             xis[k, slot] = xi
             alone[k, slot] = False
             if other is not None and turn < -SAME_LENGTH and other != facet:
-                beyond = np.clip(line.foot(other, c, float(not last)), -0.6, 1.6)
+                beyond = np.clip(line.foot(other, c, float(not last)), *PROLONGED_FACET)
                 facets[k, 1 - slot] = other
                 xis[k, 1 - slot] = float(beyond)
                 alone[k, 1 - slot] = False

@@ -214,14 +214,6 @@ class RigidBodyMotion:
         """Return the vectors from the pivot to some of the contact points, length, shape (m, d)."""
         return contact.boundary.centre[touching] - self.reference
 
-    def lever(self, x: Array, displacements: Array) -> Array:
-        """Return the vectors from the pivot to points, length, shape (n, d); here undeformed.
-
-        ``x``: initial positions of the points, length, shape (n, d); ``displacements``: ignored
-        here.
-        """
-        return x - self.reference
-
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
     ) -> dict[str, Any]:

@@ -332,7 +332,7 @@ def judged(
         faint = np.maximum(NEGLIGIBLE * mean, penalty)[at[0][touching]]
         faint_stress = max(parallel.largest(comm, faint), NO_FORCE * float(mean.max()))
         area = parallel.total(comm, contact.boundary.weight[touching])
-        resultant = nodes.resultant(motion, y)
+        resultant = nodes.resultant(motion, y, displaced=balance.displaced)
         unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint_stress * area))
     if balance.displaced and reach > 0:
         figures["placed"] = float(np.finfo(float).eps * farthest / reach)

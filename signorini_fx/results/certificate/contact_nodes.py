@@ -163,19 +163,24 @@ class ContactNodes(ContactConditions):
             opposite[part] = pair.on_other_side(of_node)
         return of_node[self.boundary.nodes], opposite
 
-    def resultant(self, motion: RigidBodyMotion, y: Array) -> tuple[Array, float, float]:
+    def resultant(
+        self, motion: RigidBodyMotion, y: Array, *, displaced: bool
+    ) -> tuple[Array, float, float]:
         """Return the resultant of the contact tractions on a rigid body.
 
         These are force and moment about its pivot, shape (m,), the sum of the magnitudes of the
-        nodal forces, and their largest distance from the pivot.
+        nodal forces, and their largest distance from the pivot.  ``displaced``: whether points and
+        pivot are where they have moved to.
         """
         part = self.part(*motion.body.parts)
         averages = self.boundary.averages
         comm = self.boundary.comm
         force = self.boundary.weight[part, None] * self.traction[part]
-        averaged = averages.shares @ from_owners(y, averages.nodes, comm)
-        moved = np.where(self.paired[:, None], y[self.boundary.nodes], averaged)
-        arm = motion.lever(self._x[part], moved[part])
+        arm = self._x[part] - motion.reference
+        if displaced:
+            averaged = averages.shares @ from_owners(y, averages.nodes, comm)
+            moved = np.where(self.paired[:, None], y[self.boundary.nodes], averaged)
+            arm += moved[part] - motion.translation
         moment = CARTESIAN[arm.shape[1]].turned(arm, force)
         size = np.linalg.norm(force, axis=1).sum()
         total = parallel.global_sum(

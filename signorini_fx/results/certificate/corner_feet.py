@@ -19,7 +19,14 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.statement.rigid_shape import Corners, corners_of
-from signorini_fx.tuned import ALONG_FACET, BEYOND_FACET, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH
+from signorini_fx.tuned import (
+    ALONG_FACET,
+    BEYOND_FACET,
+    DIGITS_OF_FILES,
+    PROLONGED_FACET,
+    ROOT_OF_EPS,
+    SAME_LENGTH,
+)
 
 
 def judged_corners(
@@ -177,7 +184,7 @@ def _points(
         nearest = float(roots[np.abs(roots - (1.0 - end)).argmin()])
         beyond = _on_tangent(line, other, c, nearest)
         facets[slot] = other
-        xis[slot] = float(np.clip(beyond, -0.6, 1.6))
+        xis[slot] = float(np.clip(beyond, *PROLONGED_FACET))
         alone[slot] = False
     return facets, xis, alone, line.nodes[facet].tolist(), on
 
