@@ -6,6 +6,7 @@ Cells and elements that were found to be cheaper may replace those of the scene;
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log2
@@ -26,10 +27,10 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature, generate_m
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
-from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
+from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
-from signorini_fx.results.accuracy.next_accuracy import LOCAL, divides
+from signorini_fx.results.accuracy.next_accuracy import divides
 from signorini_fx.results.certificate.contact_nodes import overclosures_of
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh, scene_on, with_cells_alike, with_halved_bodies
@@ -74,7 +75,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     Cells on arcs are not divided: they would converge to the solution on a polygon.
     """
     requested = goal
-    if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
+    if goal.refinement != "uniform" and (plan := _remade(scene, goal, comm)) is not None:
         return plan
     if not divisible(scene.statement, goal.of):
         goal = goal.model_copy(update={"refinement": "uniform"})
@@ -100,21 +101,31 @@ def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygona
     check_divisible(tagged)  # before a long solve on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
     # Elements of degree 2 are cheaper; in 3D the error of a force on them is not known.
-    takes = goal.refinement == "auto" and goal.of in (
-        LOCAL if tagged.dimension == 2 else ("energy",)
-    )
+    if goal.refinement == "auto" and tagged.mesh.topology.cell_name() == "triangle":
+        scene = _of_triangles(scene)
+    elif goal.refinement == "auto" and (tagged.dimension == 2 or goal.of == "energy"):
+        scene = _of_degree_2(scene)
     local = _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=True)
-    return Plan(_of_degree_2(scene) if takes else scene, local, polygonal=polygonal)
+    return Plan(scene, local, polygonal=polygonal)
 
 
-def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
+def _remade(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan | None:
     """Return the plan for a mesh that gmsh remakes, or None if it cannot, or if it is one straight
     body, whose cells are better divided; collective.
+
+    Where the choice is left open, only generators of plane bodies with arcs make their cells anew,
+    which then are curved.
     """
     if not scene.statement.remade:
         return None
     meshes: list[tuple[str, Any]] = [(f" of body {body.name!r}", body.mesh) for body in scene.body]
     several = len(meshes) > 1 or scene.statement.sides[1] is not None
+    if goal.refinement == "auto":
+        curved = _curved(scene, goal)
+        made = all(isinstance(mesh, MeshGenerator) and mesh.sized for mesh in curved.meshes)
+        if curved is scene or not made:
+            return None
+        return Plan(curved, adaptive=True, geometry=2, remade=True)
     for name, mesh in meshes or [("", scene.mesh)]:
         if isinstance(mesh, MeshGenerator) and not mesh.sized:
             if not several:
@@ -178,18 +189,19 @@ def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
 
 
 def _curved(scene: Scene, goal: Accuracy) -> Scene:
-    """Return the 2D scene with elements and cells of degree 2 if generators with arcs make all
-    meshes, otherwise the scene itself.
+    """Return the 2D scene with elements of degree 2, and such cells on arcs, if generators make all
+    meshes, some with arcs; otherwise the scene itself.
     """
-    if goal.refinement != "auto" or goal.of not in LOCAL:
-        return scene
     flat = [
         mesh
         for mesh in scene.meshes
         if isinstance(mesh, MeshGenerator) and _SOLIDS.isdisjoint(mesh.cells[:1])
     ]
-    curved = [mesh.curved for mesh in flat if mesh.curved is not None]
-    return _of_degree_2(scene).with_meshes(curved) if len(curved) == len(scene.meshes) else scene
+    curved = [mesh.curved for mesh in flat]
+    if goal.refinement != "auto" or len(flat) < len(scene.meshes) or not any(curved):
+        return scene
+    meshes = [arcs or mesh for arcs, mesh in zip(curved, flat, strict=True)]
+    return _of_degree_2(scene).with_meshes(meshes)
 
 
 def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
@@ -202,6 +214,18 @@ def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool
 
 def _of_degree_2(scene: Scene) -> Scene:
     return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
+
+
+def _of_triangles(scene: Scene) -> Scene:
+    """Return the 2D scene with elements of degree 2 for triangles.
+
+    Their pressure is an unknown where ``auto`` would reduce it to a constant in each triangle,
+    whose error falls no faster than with degree 1, and where nothing refuses that.
+    """
+    if scene.element.volumetric == "auto" and any(material.locks for material in scene.material):
+        with suppress(SceneError):
+            return scene.remade(element=Element(degree=2, volumetric="mixed"))
+    return _of_degree_2(scene)
 
 
 def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
@@ -227,9 +251,9 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         return Plan(_of_degree_2(scene) if takes else scene, local)
     if triangles is None:  # with arcs: cells of degree 2, all refined
         return Plan(_curved(scene, goal), adaptive=False)
-    if goal.refinement != "auto" or goal.of not in LOCAL:
+    if goal.refinement != "auto":
         return Plan(scene, goal.refinement == "adaptive")
-    return Plan(_of_degree_2(scene).with_meshes([triangles]), adaptive=True)
+    return Plan(_of_triangles(scene).with_meshes([triangles]), adaptive=True)
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
@@ -243,7 +267,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     tagged = load_file(file, comm, 0, 2 if drawn else None, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
-    better = tagged.dimension == 2 and goal.refinement == "auto" and (goal.of in LOCAL or curved)
+    better = tagged.dimension == 2 and goal.refinement == "auto"
     if _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=not curved):
         if curved:
             message = (
@@ -428,7 +452,9 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
     ).divided(1)
     cells_differ = isinstance(plan.scene.mesh, MeshGenerator) and plan.scene.mesh != scene.mesh
     if cells_differ or (plan.scene.element, plan.scene.body) != (scene.element, scene.body):
-        how = "triangles divided where the error is" if plan.adaptive else "all cells smaller"
+        how = "all cells smaller"
+        if plan.adaptive:
+            how = f"{'cells made anew' if plan.remade else 'triangles divided'} where the error is"
         kept = "accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene"
         history.add(f"elements: degree {plan.scene.element.degree}, {how}; {kept}")
     return Meshes(problem, goal, adaptive=plan.adaptive, made=made, any_jump=any_jump)

@@ -65,7 +65,6 @@ def test_without_contact_of_one_body_all_cells_become_smaller():
     assert not next_accuracy.divides_cells(
         replace(statement, generated=False), mesh, "energy"
     )  # quadrilaterals
-    assert not next_accuracy.divides_cells(statement, mesh, "peak")
 
 
 @pytest.mark.parametrize(("across", "larger"), [(4, 4.0), (6, 2.0), (5, 1.0)])

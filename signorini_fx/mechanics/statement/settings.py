@@ -171,11 +171,11 @@ class Accuracy(Table):
         of: what the error is of: the displacement in the energy norm, the contact pressure in L2,
             contact and friction force, the ends of the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are
-            divided where the estimated error is large; ``auto``: for displacement, pressure and
-            force, bodies with straight sides get adaptively refined triangles of degree 2, in
-            contact with each other for the displacement alone; bodies with arcs from a generator,
-            drawings (.geo) and mesh files with curved cells get elements and cells of degree 2,
-            refined uniformly; otherwise uniform.
+            divided where the estimated error is large; ``auto``: plane bodies with straight sides
+            get adaptively refined triangles of degree 2, in contact with each other for the
+            displacement alone, and those with arcs from a generator such cells made anew; drawings
+            (.geo) and mesh files with curved cells get elements of degree 2, refined uniformly;
+            otherwise uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
 

@@ -241,9 +241,10 @@ def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool
             quadrilaterals.
         straight: whether the body has no arcs and no curved cells.
     """
-    if of not in LOCAL or not straight or not divisible(statement, of):
+    if not straight or not divisible(statement, of):
         return False
-    if statement.nonlinear and cell == "tetrahedron":  # those of degree 2 meet planes alone
+    # Tetrahedra of degree 2 meet planes alone.
+    if cell == "tetrahedron" and (statement.nonlinear or of not in LOCAL):
         return False
     if statement.bodies:  # they become one mesh of triangles
         return of == "energy" and cell in ("triangle", "quadrilateral")
