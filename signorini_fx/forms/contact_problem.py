@@ -166,7 +166,6 @@ class ProblemOfForms:
             solution.table,
             squares,
             energy,
-            solution.statement.kinematics_in(solution.model.tagged.dimension),
             displaced=displaced,
             modulus=modulus,
         )

@@ -293,8 +293,12 @@ def _friction(summary: Summary) -> Lines:
     if used:
         return [f"{percent(used)} used"]
     boundaries = summary.get("contact_boundaries") or ()
-    bonded = bool(boundaries) and all(map(_is_bonded, boundaries))
-    return ["bonded" if bonded else "not needed for equilibrium"]
+    if boundaries and all(map(_is_bonded, boundaries)):
+        return ["bonded"]
+    limit = sum(row.get("friction_limit") or 0.0 for row in boundaries)
+    carried = sum(row.get("tangential_force") or 0.0 for row in boundaries)
+    notable = NEGLIGIBLE * limit < carried < math.inf
+    return [f"{percent(carried / limit)} of its limit" if notable else "not needed for equilibrium"]
 
 
 def _is_bonded(boundary: Mapping[str, Any]) -> bool:
@@ -360,7 +364,8 @@ def _forces(summary: Summary) -> Lines:
         # Over a revolution radial forces cancel.
         shown = force if kinematics.uniform else force[1]
         kind = key.partition("_")[0].replace("contact", "force")
-        return told(summary, f"{kind}{entry['name']}", shown, "force")
+        name = entry["name"] if len(entries) > 1 else ""
+        return told(summary, f"{kind}{name}", shown, "force")
 
     texts = Lines()
     for entry in entries[:MOST_ROWS]:

@@ -295,7 +295,7 @@ def _missed_by_points(solution: Any) -> float:
     table = solution.table
     columns = table.columns
     displaced = range(len(model.contacts) * solution.statement.nonlinear)
-    missed = missed_by_points(solution.contact.boundary, table, model.kinematics, displaced)
+    missed = missed_by_points(model, table, displaced)
     work, force = parallel.global_sum(model.comm, np.array([part.sum() for part in missed]))
     pushing = columns["weight"] * columns["pressure"]
     energy = solution.last_step.strain_energy

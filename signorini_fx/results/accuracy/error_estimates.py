@@ -26,9 +26,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_cells,
     facet_vertices,
 )
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.kinematics import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -98,7 +96,7 @@ def estimate_errors(
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = model.loads_at(step, pushing=True).forces
         missed /= max(parallel.total(model.comm, np.abs(forces)), pressed)
-    return combined(model, table, squares, energy, model.kinematics, missed)
+    return combined(model, table, squares, energy, missed)
 
 
 def combined(
@@ -106,7 +104,6 @@ def combined(
     table: ContactTable,
     recovery: Array,
     energy: float,
-    kinematics: Kinematics,
     missed: Array | float = 0.0,
     displaced: Collection[int] = (),
     modulus: float | None = None,
@@ -120,12 +117,12 @@ def combined(
             nonlinear body those of stress and strain, each over the square of its norm and times
             ``2 energy``, shape (2, cells).
         energy: strain energy; for a nonlinear body half of the squared norm of stress and strain.
-        kinematics: kinematics of the body.
         missed: share of all forces that quadrature and gaps miss in each cell.
         displaced: numbers of the contacts that are evaluated at displaced points.
         modulus: stress per strain; None for that of the model.
     """
     boundary = model.boundary
+    kinematics = model.kinematics
     assert boundary is not None
     facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.contacts])
     cells = facet_cells(model.tagged.mesh, facets)
@@ -145,7 +142,7 @@ def combined(
     points = np.zeros_like(body)
     pressed = pressure_square(table)
     if pressed > 0 and size > 0:
-        work, force = missed_by_points(boundary, table, kinematics, displaced)
+        work, force = missed_by_points(model, table, displaced)
         whole = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         np.add.at(points, cells, work / size + force / whole)
     if pressed > 0 and table.facets is None:
@@ -239,10 +236,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
 
 
 def missed_by_points(
-    boundary: ContactBoundary,
-    table: ContactTable,
-    kinematics: Kinematics,
-    displaced: Collection[int],
+    model: Model, table: ContactTable, displaced: Collection[int]
 ) -> tuple[Array, Array]:
     """Return what contact at the nodes misses between them, for each facet of this rank in the
     order of ``boundary.segments``; collective.
@@ -251,15 +245,22 @@ def missed_by_points(
     interpolation, the second the force on intervals in which the contact ends, times the change of
     its direction.
 
+    Where the distance is nominal, sides are as round as they were drawn: normals that turn leave no
+    gap between nodes.
+
     Args:
-        boundary: the contact points of this rank.
+        model: the body on its mesh.
         table: the contact table.
-        kinematics: kinematics of the body.
         displaced: see ``combined``; there the change of the gap is known from the normals alone.
     """
+    boundary = model.boundary
+    kinematics = model.kinematics
     c = table.columns
     surface = None
+    assert boundary is not None
     assert table.nodes is not None
+    nominal = [k for k, effect in enumerate(model.contacts) if effect.distance == "nominal"]
+    faceted = ~np.isin(table.nodes[:, 0], nominal)
     # A gap that bends or jumps at one end of an interval only does so at a node, where it is exact.
     bent = ~np.isin(table.nodes[:, 0], list(displaced))
     if table.facets is None:
@@ -284,7 +285,7 @@ def missed_by_points(
     pressure = c["pressure"][corners]
     turn = np.linalg.norm(normal[following] - normal[first], axis=2)
     # The mean distance of a parabola from its chord, and of a paraboloid from its triangle.
-    slopes = turn + (change * bent[corners].all(axis=1))[:, None]
+    slopes = turn * faceted[first] + (change * bent[corners].all(axis=1))[:, None]
     bow = sides * slopes / (12 if surface is None else 8)
     off = np.maximum(bow - (apart[first] + apart[following]) / 2, 0.0).mean(axis=1)
     mean = size * pressure.mean(axis=1)
