@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import gmsh
 import numpy as np
@@ -208,6 +209,12 @@ def test_from_a_drawing_to_a_scene(capsys, tmp_path, monkeypatch, drawn):
     again = run(capsys, "new", drawn(ring))
     assert again[0] == 2
     assert "ring.toml: already exists" in again[2]
+    (tmp_path / "sub").mkdir()
+    assert run(capsys, "new", drawn(ring), "--size", "1.0", "-o", "sub/other.toml")[0] == 0
+    assert {path.name for path in Path("sub").iterdir()} >= {"other.toml", "other.png"}
+    file = Path("sub/filled.toml")
+    file.write_text(filled_in(Path("sub/other.toml").read_text()))
+    assert read_scene(file).mesh.file.samefile(drawn(ring))
 
 
 def test_entries_are_found_anew(capsys, tmp_path, drawn):

@@ -260,9 +260,9 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     """
     from signorini_fx.mechanics.statement.mesh_sources import MESH_FORMATS
 
-    file = options.file
-    if options.deck is None and file.suffix.lower() in MESH_FORMATS:
+    if options.deck is None and options.file.suffix.lower() in MESH_FORMATS:
         return _new_of_mesh(options)
+    file = options.out or options.file
     if options.deck is None:
         from signorini_fx.scenes.template import starting_scene
 
@@ -312,7 +312,7 @@ def _new_of_mesh(options: argparse.Namespace) -> str:
     from signorini_fx.scenes import found_contacts
 
     mesh = MeshFile(file=options.file, size=options.size)
-    scene = Path(f"{options.file.stem}.toml")
+    scene = options.out or Path(f"{options.file.stem}.toml")
     arrays = read_file(mesh)
     _write_scene(scene, found_contacts.scene_of(mesh, arrays, scene))
     picture = scene.with_suffix(".png")

@@ -186,6 +186,8 @@ def parser() -> argparse.ArgumentParser:
         default=Path("scene.toml"),
         help="the file (default: %(default)s), or the drawing or mesh to write a scene for",
     )
+    scene = "the scene (default: FILE, or NAME.toml of a drawing or mesh)"
+    new.add_argument("-o", "--out", **file, help=scene)
     new.add_argument("--full", **flag, help="explain every key")
     draft = "draft it from an .inp of Abaqus or CalculiX"
     new.add_argument("--from", dest="deck", type=named_path, metavar="DECK", help=draft)
