@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Mapping
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,53 +32,39 @@ if TYPE_CHECKING:
 
 # Larger surfaces, and more load steps, would make the page slow to load.
 _MOST_CORNERS, _MOST_STEPS = 40_000, 12
-# By VTK's number of a cell its corners, and the facets that they make; of plane cells themselves.
-_TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
-_HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
-_FACETS: dict[int, tuple[int, tuple[tuple[int, ...], ...]]] = {
-    **dict.fromkeys((5, 22, 69), (3, ((0, 1, 2),))),
-    **dict.fromkeys((9, 23, 28, 70), (4, ((0, 1, 2, 3),))),
-    **dict.fromkeys((10, 24, 71), (4, _TETRAHEDRON)),
-    **dict.fromkeys((12, 25, 29, 72), (8, _HEXAHEDRON)),
-}
 _RAW = "von_mises"  # which the recovered one stands for, where there is one
-_NUMBERS = {"Float64": np.float64, "Int64": np.int64, "UInt8": np.uint8}
 
 
 def turning_body(summary: Summary, folder: Path) -> Markup:
-    """Return the body to turn, or nothing if there are no fields or the surface is too large."""
+    """Return the body to turn, or nothing if there are no fields, if the surface is too large, or
+    without PyVista.
+    """
     files = _files(folder)
-    if not files:
+    if not files or find_spec("pyvista") is None:
         return Markup("")
+    import pyvista
+
     chosen = np.unique(np.linspace(0, len(files) - 1, min(len(files), _MOST_STEPS)).round())
     steps = [files[int(k)] for k in chosen]
-    grids = [_grid_of(path) for _, _, path in steps]
-    first = grids[0]
-    kind = int(first["types"][0])
-    if kind not in _FACETS:
+    # In the file each cell has its own points: joined, they have the mean of the cells.
+    grids = (pyvista.read(path).clean(tolerance=SAME_LENGTH) for _, _, path in steps)
+    surfaces = [grid.extract_surface(nonlinear_subdivision=0) for grid in grids]
+    points = np.asarray(surfaces[0].points)
+    sides = surfaces[0].faces
+    if len(points) > _MOST_CORNERS:
         return Markup("")
     plane = summary["dimension"] == 2
-    corners, facets = _FACETS[kind]
-    connectivity = first["connectivity"].astype(np.int64)
-    cells = connectivity.reshape(len(first["types"]), -1)[:, :corners]
-    used, numbers, vertices = _vertices(first["points"], cells)
-    sides = _sides(vertices, facets, plane=plane)
-    on_surface, local = np.unique(sides, return_inverse=True)
-    if len(on_surface) > _MOST_CORNERS:
-        return Markup("")
-    sides = local.reshape(sides.shape)
-    points = first["points"][used[on_surface]]
     tables = {} if plane else _contact_tables(folder)
     shown = [
-        {"name": name, **_fields_of(grid, numbers, on_surface, points, tables.get(number))}
-        for (number, name, _), grid in zip(steps, grids, strict=True)
+        {"name": name, **_fields_of(surface.point_data, points, tables.get(number))}
+        for (number, name, _), surface in zip(steps, surfaces, strict=True)
     ]
     body = {
         "points": _packed(points),
-        **_drawn(sides),
+        **_drawn(sides.reshape(-1, 1 + sides[0])[:, 1:]),
         "colours": [to_hex(VALUES(k / 15)) for k in range(16)],
         "plane": plane,
-        "scale": visible_factor(points, grids[-1]["displacement"]),
+        "scale": visible_factor(points, surfaces[-1].point_data["displacement"]),
         "steps": shown,
     }
     return _turning(body)
@@ -140,73 +127,20 @@ def _files(folder: Path) -> list[tuple[int, str, Path]]:
     return [(int(Path(file).stem), f"time {float(time):g}", folder / file) for time, file in rows]
 
 
-def _grid_of(path: Path) -> dict[str, Array]:
-    """Return the arrays of a file of ``results.fields.write_vtu``, by their names."""
-    found = {}
-    pattern = rb'<DataArray type="(\w+)" Name="([^"]+)"(?: NumberOfComponents="(\d+)")? [^>]*>'
-    text = path.read_bytes()
-    for match in re.finditer(pattern, text):
-        data = base64.b64decode(text[match.end() : text.index(b"</DataArray>", match.end())])
-        values = np.frombuffer(data, dtype=_NUMBERS[match[1].decode()], offset=8)
-        width = int(match[3] or 1)
-        found[match[2].decode()] = values.reshape(-1, width) if width > 1 else values
-    return found
-
-
-def _vertices(points: Array, cells: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return the corners of the mesh, at which each cell of the file has its own point.
-
-    Returns:
-        One point of the file for each corner; all points of the file at corners with the number of
-        the corner, shape (k, 2); and the corners of each cell.
-    """
-    at = cells.ravel()
-    size = float(np.ptp(points, axis=0).max()) or 1.0
-    places = np.round(points[at] / (size * SAME_LENGTH)).astype(np.int64)
-    _, first, corner = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    corner = corner.reshape(-1)
-    return at[first], np.column_stack((at, corner)), corner.reshape(cells.shape)
-
-
-def _sides(vertices: Ints, facets: tuple[tuple[int, ...], ...], *, plane: bool) -> Ints:
-    """Return the facets that belong to one cell only; in 2D all cells."""
-    every = np.concatenate([vertices[:, list(facet)] for facet in facets])
-    if plane:
-        return every
-    _, first, count = np.unique(
-        np.sort(every, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return every[first[count == 1]]
-
-
 def _fields_of(
-    grid: Mapping[str, Array],
-    numbers: Ints,
-    on_surface: Ints,
-    points: Array,
-    contact: Mapping[str, Array] | None,
+    values: Mapping[str, Array], points: Array, contact: Mapping[str, Array] | None
 ) -> dict[str, Any]:
-    """Return displacement and fields at the corners of the surface in a load step, averaged over
-    the cells at each corner.
-    """
-    at, corner = numbers.T
-    count = np.bincount(corner)
-
-    def mean(values: Array) -> Array:
-        columns = values.reshape(len(values), -1)[at].T
-        means = np.array([np.bincount(corner, column) / count for column in columns])
-        return means.T[on_surface]
-
-    displacement = mean(grid["displacement"])
+    """Return displacement and fields at the corners of the surface in a load step."""
     scalars = [
         name
-        for name, values in grid.items()
-        if values.dtype == np.float64
-        and values.ndim == 1
-        and not (name == _RAW and f"recovered_{_RAW}" in grid)
+        for name, column in values.items()
+        if column.dtype == np.float64
+        and column.ndim == 1
+        and not (name == _RAW and f"recovered_{_RAW}" in values)
     ]
     scalars.sort(key=lambda name: _RAW not in name)  # the first one is shown first
-    fields = {name.replace("_", " "): _packed(mean(grid[name])[:, 0]) for name in scalars}
+    fields = {name.replace("_", " "): _packed(values[name]) for name in scalars}
+    displacement = values["displacement"]
     fields["displacement"] = _packed(np.linalg.norm(displacement, axis=1))
     if contact is not None:
         fields["contact pressure"] = _packed(_at_contact(points, contact, contact["pressure"]))
