@@ -98,27 +98,6 @@ def test_a_small_contact_zone_is_enlarged():
     assert whole.get_xlim()[0] < 0
 
 
-def test_axisymmetric_bodies_are_mirrored():
-    """Points, displacements and foundation are reflected at the axis, which is no edge of the
-    body.
-    """
-    displacement = np.column_stack((0.1 * POINTS[:, 0], -POINTS[:, 1]))
-    edges = np.array([[0, 13], [0, 1], [12, 25]])
-    body = replace(BODY, displacement=displacement, outline=edges).with_mirror_image()
-    assert np.array_equal(body.points[38:], POINTS * (-1, 1))
-    assert np.array_equal(body.displacement[38:], displacement * (-1, 1))
-    assert np.array_equal(body.outline, [[0, 1], [12, 25], [38, 39], [50, 63]])
-    assert np.array_equal(body.within[12:], WITHIN + 38)
-    assert body.values["von_mises"].shape == (24, 5)
-    touching = X < 1
-    (foundation,) = on(1 + X, touching).mirrored()
-    assert np.array_equal(foundation.nodes[:, 0], [*-X[::-1], *X])
-    assert np.array_equal(foundation.drawn(1.0)[:, 1], [*(-1 - X)[::-1], *(-1 - X)])
-    assert np.array_equal(foundation.touching, [*touching[::-1], *touching])
-    away = replace(on(1 + X, touching), nodes=BOTTOM + np.array([2.0, 0.0]))
-    assert [part.nodes[0, 0] for part in away.mirrored()] == [2.0, -5.0]
-
-
 def test_two_bodies_seem_to_touch():
     """What has closed between them is magnified to a 300th of their size at most."""
     body = replace(BODY, displacement=sinking(0.001))

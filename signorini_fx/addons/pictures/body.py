@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import Delaunay
 
 from signorini_fx.arrays import Array, Ints, diagonal
-from signorini_fx.tuned import SAME_LENGTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,27 +97,6 @@ class DrawnBody:
     outline: Ints | None = (
         None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
     )
-
-    def with_mirror_image(self) -> DrawnBody:
-        """Return the section of an axisymmetric body together with its mirror image on the other
-        side of the axis x[0] = 0.
-        """
-        assert self.outline is not None
-        size = float(np.ptp(self.points, axis=0).max())
-        on_axis = (np.abs(self.points[self.outline, 0]) <= SAME_LENGTH * size).all(axis=1)
-        outline = self.outline[~on_axis]
-        count = len(self.points)
-        points, moved = (
-            np.concatenate((part, part * (-1.0, 1.0))) for part in (self.points, self.displacement)
-        )
-        return replace(
-            self,
-            points=points,
-            within=np.concatenate((self.within, self.within + count)),
-            displacement=moved,
-            values={name: np.concatenate((field, field)) for name, field in self.values.items()},
-            outline=np.concatenate((outline, outline + count)),
-        )
 
     @property
     def perimeters(self) -> Ints:

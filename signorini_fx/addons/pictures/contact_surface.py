@@ -21,7 +21,8 @@ from signorini_fx.addons.pictures.boundary_profiles import (
     by_boundary,
     state_legend,
 )
-from signorini_fx.addons.pictures.marks import spaced, usual_range
+from signorini_fx.addons.pictures.fields import Field
+from signorini_fx.addons.pictures.marks import Tones, spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     IN_DATA_UNITS,
     INK,
@@ -29,12 +30,10 @@ from signorini_fx.addons.pictures.style import (
     STYLE,
     TIMES,
     VALUES,
-    decimal_power,
     largest_of,
     number,
     plain,
     readable,
-    unit_of,
 )
 from signorini_fx.arrays import Array, Columns, Flags, Ints
 from signorini_fx.mechanics.statement.units import bracketed, unit
@@ -201,12 +200,9 @@ def _pressure_panel(
     pressure = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0)
     nodes = side.nodes
     closed = side.touching
-    power = decimal_power(largest_of(pressure))
     inside = side.shown & closed
-    _, top = usual_range(pressure[inside], side.floats("weight")[inside])
-    bottom = min(
-        0.0, float(pressure[inside].min(initial=0.0))
-    )  # in bilateral contact the pressure may be negative
+    ends = usual_range(pressure[inside], side.floats("weight")[inside], signed=True)
+    tones = Tones(Field("contact pressure", signed=True), pressure[inside], *ends)
     ground = PolyCollection(
         list(nodes[side.polygons]),
         facecolors=_UNTOUCHED,
@@ -220,28 +216,16 @@ def _pressure_panel(
         side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure
     )
     if len(triangles):
-        colours = axes.tripcolor(
+        axes.tripcolor(
             Triangulation(*points.T, triangles),
-            values * 10.0**power,
+            values * 10.0**tones.power,
             shading="gouraud",
             cmap=VALUES,
+            norm=tones.norm,
             rasterized=True,
             zorder=2,
-            vmin=bottom * 10.0**power,
-            vmax=top * 10.0**power,
         )
-        above = float(pressure[inside].max(initial=0.0)) > 1.001 * top
-        bar = figure.colorbar(
-            colours,
-            ax=axes,
-            extend="max" if above else "neither",
-            orientation="horizontal",
-            shrink=0.8,
-            aspect=40,
-            pad=0.02,
-        )
-        bar.ax.locator_params(nbins=6)
-        bar.set_label(f"contact pressure{unit_of(power, 'stress')}")
+        tones.bar(figure, axes)
     axes.add_collection(_rim(side), autolim=False)
     text = heading if len(triangles) else f"{heading}: nothing in contact"
     if side.has_friction:

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withTickedStroke
 from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures.body import DrawnBody
@@ -83,7 +84,7 @@ def deformed_mesh(
     for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
         _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
         for line in _lines(foundations, scale):
-            _draw_foundation(axes, line, 0.035 * float(np.max(high - low)))
+            _draw_foundation(axes, line)
         undeformed = "" if scale == 1 else ", undeformed"
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.set(
@@ -232,23 +233,9 @@ def _areas(corners: Array) -> Array:
     return 0.5 * twice
 
 
-def _draw_foundation(axes: Axes, line: Array, length: float) -> None:
+def _draw_foundation(axes: Axes, line: Array) -> None:
     """Draw a line of shape (k, 2) with short strokes on its right; the body is on its left."""
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
-    if not along[-1] > 0:
-        return
-    count = int(np.clip(along[-1] / (0.5 * length), 2, 5000))
-    at = (np.arange(count) + 0.5) * along[-1] / count
-    step = 0.1 * along[-1] / count
-    feet, behind, ahead = (
-        np.column_stack([np.interp(where, along, line[:, axis]) for axis in (0, 1)])
-        for where in (at, at - step, at + step)
+    strokes = withTickedStroke(spacing=5, angle=-135, length=0.8, linewidth=0.5)
+    axes.plot(
+        *line.T, color=INK, linewidth=1.2, zorder=5, path_effects=[strokes], solid_capstyle="round"
     )
-    tangent = (ahead - behind) / np.maximum(np.hypot(*(ahead - behind).T), 1e-300)[:, None]
-    away = np.column_stack((tangent[:, 1], -tangent[:, 0]))
-    tips = feet + 0.45 * length * (away - tangent)
-    strokes = LineCollection(
-        list(np.stack((feet, tips), axis=1)), colors=INK, linewidths=0.5, zorder=4
-    )
-    axes.add_collection(strokes, autolim=False)
-    axes.plot(*line.T, color=INK, linewidth=1.2, zorder=5, solid_capstyle="round")

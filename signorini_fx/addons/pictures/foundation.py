@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -68,33 +68,6 @@ class Foundation:
         lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
         farther = (factor - 1) * float(np.abs(self.gap).max(initial=0.0))
         return farther <= SMALL_PART * size and bool((inner(real, drawn) >= _BENT * lengths).all())
-
-    def mirrored(self) -> list[Foundation]:
-        """Return the foundation in 2D with its image on the other side of the axis x[0] = 0, as one
-        line if it begins or ends at the axis.
-        """
-        own = {name: getattr(self, name) for name in ("nodes", "normals", "gap", "touching")}
-        # In the other order, so that the body is on the left.
-        image = {
-            name: rows[::-1] * (-1.0, 1.0) if rows.ndim == 2 else rows[::-1]
-            for name, rows in own.items()
-        }
-        surface = self.surface and [
-            *self.surface,
-            *(line[::-1] * (-1.0, 1.0) for line in self.surface),
-        ]
-        for one, other in ((image, own), (own, image)):
-            last, end = one["nodes"][-2:]
-            start = other["nodes"][0]
-            if np.hypot(*(start - end)) <= 4 * np.hypot(
-                *(end - last)
-            ):  # the axis itself has no contact points
-                joined = {name: np.concatenate((rows, other[name])) for name, rows in one.items()}
-                return [replace(self, **joined, surface=surface)]
-        return [
-            replace(self, surface=surface),
-            replace(self, **image, surface=None if surface is None else []),
-        ]
 
 
 def foundations_of(

@@ -142,8 +142,8 @@ class ResultPictures:
         return self.solution.model.tagged.dimension
 
     @property
-    def _mirrored(self) -> bool:
-        """Whether the body is a section that is drawn on both sides of its axis."""
+    def _around(self) -> bool:
+        """Whether the body is the section of an axisymmetric one."""
         return bool(self.solution.statement.kinematics.zero_on_axis)
 
     def _draw_body(
@@ -175,14 +175,12 @@ class ResultPictures:
             seen = telling_view(body, self.fields[0])
             draw = partial(deformed_solid, seen=seen)
             beside = {"pressed": _pressed(contact)}
-        if self._mirrored:
-            body = body.with_mirror_image()
-            foundations = [image for part in foundations for image in part.mirrored()]
         solved = self.solution.last_step.status is Status.CONVERGED
         for name in self.fields:
             largest = Largest.of(body, name) if solved else None
             more = beside if name == self.fields[0] else {}
             figure, remark = draw(body, name, foundations=foundations, largest=largest, **more)
+            remark += "; axis at x = 0" * self._around
             self._write(
                 folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark
             )
@@ -190,14 +188,12 @@ class ResultPictures:
     def _draw_curves(
         self, folder: Path, contact: ContactTable | None, steps: Columns | None
     ) -> None:
-        from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
+        from signorini_fx.addons.pictures.load_steps import load_steps
 
-        if prices := [row.model_dump() for row in self.solution.convergence_table]:
-            self._write(folder / "convergence_table", errors_and_costs(prices))
         between = [row for step in self.solution.steps for row in step.between]
         moves = any("kinetic_energy" in told for _, told in between)
         if steps is not None and (moves or contact is not None):
-            drawn = load_steps(steps, around=self._mirrored, between=between)
+            drawn = load_steps(steps, around=self._around, between=between)
             finish(drawn, folder / "load_steps", "", self.suffixes)
         if contact is None:
             return

@@ -71,7 +71,6 @@ def outcome(summary: Summary, folder: Path) -> Markup:
     elif validity is Validity.LESS_ACCURATE:
         verdict = f"{verdict} All figures are of the last mesh."
     lacking = summary.get("incomplete", ())
-    cost = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
     return rendered(
         "outcome",
         tone="bad" if lacking else _TONES[validity],
@@ -83,7 +82,6 @@ def outcome(summary: Summary, folder: Path) -> Markup:
             (line.begin.strip(), in_text(line.text), line.kind) for line in brief_lines(summary)
         ],
         overview=_overview(summary, folder),
-        cost=_drawn(folder, "convergence_table.png", "errors and costs of the meshes", cost),
         warnings=_warnings(summary),
     )
 
