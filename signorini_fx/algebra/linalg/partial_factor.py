@@ -102,23 +102,43 @@ class PartialFactor:
         self._sizes = np.array(
             [_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads]
         )
-        # Zeros between inner unknowns are kept: the ordering is better with the same pattern for
-        # all unknowns of a node.
-        upper = (column >= row) & ((column < inside) | (rows.data != 0.0))
-        staying = np.arange(inside, inside + count + len(loads), dtype=row.dtype)
-        row = np.concatenate((row[upper], np.tile(self._order, len(loads)), staying))
-        column = np.concatenate((column[upper], np.repeat(staying[count:], inside), staying))
-        of_loads = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
-        data = np.concatenate((rows.data[upper] / self._unit, *of_loads, np.zeros(staying.size)))
-        size = inside + staying.size
-        bordered = sp.csr_array((data, (row, column)), shape=(size, size))
+        bordered = self._bordered(rows.data, row, column, loads)
         csr = (
             *(at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices)),
             bordered.data,
         )
         # MUMPS gets the part of these rows above the diagonal.
-        self._matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
+        self._matrix = PETSc.Mat().createAIJWithArrays(bordered.shape, csr, comm=PETSc.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
+
+    def _bordered(
+        self, values: Array, row: Ints, column: Ints, loads: Sequence[Array]
+    ) -> sp.csr_array:
+        """Return the upper triangle of the matrix that is factorised, the inner unknowns first.
+
+            A_ii / unit   A_ic / unit   b_i / sizes
+                          0             0
+                                        0
+
+        Args:
+            values: the entries of the inner rows of A.
+            row: the row of each entry in the new order.
+            column: its column in the new order.
+            loads: b, the right-hand sides to condense.
+        """
+        inside = self.inner.size
+        # Zeros between inner unknowns are kept: the ordering is better with the same pattern for
+        # all unknowns of a node.
+        upper = (column >= row) & ((column < inside) | (values != 0.0))
+        retained = np.arange(inside, inside + self._count + len(loads), dtype=row.dtype)
+        of_loads = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
+        size = inside + retained.size
+        rows = (row[upper], np.tile(self._order, len(loads)), retained)
+        columns = (column[upper], np.repeat(retained[self._count :], inside), retained)
+        # Zeros on the diagonal of the retained unknowns: PETSc needs the entries.
+        data = (values[upper] / self._unit, *of_loads, np.zeros(retained.size))
+        places = (np.concatenate(rows), np.concatenate(columns))
+        return sp.csr_array((np.concatenate(data), places), shape=(size, size))
 
     def eliminate(self) -> tuple[Array, Array]:
         """Factorise; call it once, when the caller needs the rows no more.

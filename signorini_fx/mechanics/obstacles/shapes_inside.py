@@ -234,38 +234,46 @@ class BodyCells:
         if radius <= 0.0 or endless:
             return None
         corners = self.corners(places)
-        x = corners.mean(axis=1)
         reach = _reach(corners)
         allowed = np.minimum(of_shape * radius, of_cell * reach) + yielding
-        near = (
-            np.flatnonzero(reach - shape.distance(x)[0] - added > allowed)
-            if len(x)
-            else np.zeros(0, dtype=np.int64)
-        )
         deep: Array = np.zeros((0, 1 + places.shape[1]))
-        if near.size:
-            x = x[near]
-            allowed = allowed[near]
-            at, outward = self.planes(corners[near])
-            for _ in range(MANY_STEPS):
-                for facet in range(outward.shape[1]):
-                    beyond = inner(x - at[:, facet], outward[:, facet])
-                    x = x - np.maximum(beyond, 0.0)[:, None] * outward[:, facet]
-                signed, normal = shape.distance(x)
-                beyond = np.einsum("nfd,nfd->nf", x[:, None] - at, outward).max(axis=1)
-                found = (-signed - added > (1.0 - WRONG_SLOPE) * allowed) & (
-                    beyond <= SAME_LENGTH * reach[near]
-                )
-                if found.all():
-                    break
-                back = np.maximum(signed + added + allowed, 0.0)[:, None] * normal
-                x = x - np.where(found[:, None], 0.0, back)
-            deep = np.column_stack((-signed - added, x))[found]
+        if len(corners):
+            # No point of a cell is deeper than its centre by more than the radius of the cell.
+            depth = -shape.distance(corners.mean(axis=1))[0] - added
+            near = depth + reach > allowed
+            if near.any():
+                deep = self._deep_points(corners[near], shape, added, allowed[near])
         rows = parallel.gather_rows(self.space.mesh.comm, deep)
         if not len(rows):
             return None
         deepest, *place = rows[np.lexsort((*rows[:, 1:].T[::-1], -rows[:, 0]))[0]].tolist()
         return InsideBody(deepest, tuple(place))
+
+    def _deep_points(
+        self, corners: Array, shape: SignedDistance, added: float, allowed: Array
+    ) -> Array:
+        """Return a point of each cell that is deeper in the shape than ``allowed``, where one is
+        found: rows of its depth and position, shape (m, 1 + d).
+
+        From the centre of the cell, projections onto the half-spaces of its facets alternate with
+        projections onto the points that are deep enough.
+        """
+        x = corners.mean(axis=1)
+        inaccurate = SAME_LENGTH * _reach(corners)
+        at, outward = self.planes(corners)
+        for _ in range(MANY_STEPS):
+            for facet in range(outward.shape[1]):
+                beyond = inner(x - at[:, facet], outward[:, facet])
+                x = x - np.maximum(beyond, 0.0)[:, None] * outward[:, facet]
+            signed, normal = shape.distance(x)
+            outside = np.einsum("nfd,nfd->nf", x[:, None] - at, outward).max(axis=1)
+            deep = -signed - added > (1.0 - WRONG_SLOPE) * allowed
+            found = deep & (outside <= inaccurate)
+            if found.all():
+                break
+            back = np.maximum(signed + added + allowed, 0.0)[:, None] * normal
+            x = x - np.where(found[:, None], 0.0, back)
+        return np.column_stack((-signed - added, x))[found]
 
 
 def _inradius(shape: SignedDistance) -> float:

@@ -124,35 +124,46 @@ def linearised(
         exact: whether there is no regularisation.
         before: the shear at the beginning of the load step, stress, shape (n, d - 1).
     """
-    contact = state.in_contact
     count, tangents = state.shear.shape
     law = law if state.has_friction else None
     coefficient: Array = np.zeros(count)
     if law is not None:
         _, coefficient, _ = law.evaluate(state.pressure, 0.0)
-    moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
-    slips = moves & (state.bound > 0)
+    rubs = state.bound > 0
+    moves = np.any(state.direction != 0, axis=1) | ~rubs
+    slips = moves & rubs
     slip = np.where(slips[:, None], unit(state.shear), 0.0)
+    tied = np.repeat((~moves & rubs)[:, None], 1 + tangents, axis=1)
+    tied[:, 0] = state.in_contact
+    # Where a point slips the shear is bound(pressure) e: ``spread`` has its derivative by the
+    # pressure, ``turning`` that by the displacement.
     coefficient = np.where(slips, coefficient, 0.0)  # it may be infinite where there is no pressure
     spread = np.broadcast_to(np.eye(1 + tangents), (count, 1 + tangents, 1 + tangents)).copy()
     spread[:, 1:, 0] = slip * coefficient[:, None]
-    tied = np.repeat((~moves & (state.bound > 0))[:, None], 1 + tangents, axis=1)
-    tied[:, 0] = contact
-    bound = np.where(slips & np.isfinite(state.bound), state.bound, 0.0)
-    along = gamma[1] * inner(slip, state.slip_length)
-    if not exact:
-        reach = np.maximum(along + (0.0 if before is None else inner(slip, before)), bound)
-    else:  # where the slip is very small, the shear turns as if it were regularised
-        reach = np.maximum(along, bound * CERTIFICATE_TOLERANCE)
-    share = gamma[1] * quotient(bound, reach)
     turning = np.zeros_like(spread)
-    turning[:, 1:, 1:] = share[:, None, None] * (
-        np.eye(tangents) - slip[:, :, None] * slip[:, None, :]
-    )
+    turning[:, 1:, 1:] = _turning_of_shear(state, slip, gamma[1], exact=exact, before=before)
+    stiffness = np.array([gamma[0], *[gamma[1]] * tangents])
     between = _between(state, gamma, slips, ~moves)
-    return LinearisedLaw(
-        tied, spread, turning, np.array([gamma[0], *[gamma[1]] * tangents]), exact, slip, between
-    )
+    return LinearisedLaw(tied, spread, turning, stiffness, exact, slip, between)
+
+
+def _turning_of_shear(
+    state: PointState, slip: Array, gamma: float, *, exact: bool, before: Array | None
+) -> Array:
+    """Return the derivative of bound e by the displacement, gamma bound / |xi| (I - e e^T), stress
+    per length, shape (n, d - 1, d - 1), where e = xi / |xi| is ``slip`` and xi = before + gamma
+    times the slip.
+    """
+    bound = np.where(slip.any(axis=1) & np.isfinite(state.bound), state.bound, 0.0)
+    trial_shear = gamma * inner(slip, state.slip_length)
+    if exact:  # where the slip is very small, the shear turns as if it were regularised
+        trial_shear = np.maximum(trial_shear, bound * CERTIFICATE_TOLERANCE)
+    else:
+        already = 0.0 if before is None else inner(slip, before)
+        trial_shear = np.maximum(trial_shear + already, bound)
+    stiffness = gamma * quotient(bound, trial_shear)
+    across = np.eye(slip.shape[1]) - slip[:, :, None] * slip[:, None, :]
+    return stiffness[:, None, None] * across
 
 
 def _between(
