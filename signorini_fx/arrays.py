@@ -4,7 +4,7 @@ polygons.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -25,6 +25,8 @@ Expr: TypeAlias = "ufl.core.expr.Expr"
 FieldValue: TypeAlias = "Expr | Array"
 # A number, a function of points of shape (3, n), such as an ``Expression``, or UFL.
 Value: TypeAlias = "float | Callable[[Array], npt.ArrayLike] | Expr"
+# What JSON and TOML hold.
+Plain: TypeAlias = "float | str | Sequence[Plain] | Mapping[str, Plain] | None"
 
 
 def length(vectors: Array) -> Array:
@@ -37,12 +39,12 @@ def inner(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
-def matvec(matrices: npt.NDArray[Any], vectors: Array) -> Array:
+def matvec(matrices: npt.NDArray[np.floating], vectors: Array) -> Array:
     """Return each of n matrices of shape (n, i, j) times its vector of shape (n, j)."""
     return np.einsum("nij,nj->ni", matrices, vectors)
 
 
-def rmatvec(matrices: npt.NDArray[Any], vectors: Array) -> Array:
+def rmatvec(matrices: npt.NDArray[np.floating], vectors: Array) -> Array:
     """Return the transpose of each of n matrices of shape (n, i, j) times its vector of shape (n,
     i).
     """

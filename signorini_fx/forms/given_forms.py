@@ -183,6 +183,7 @@ _NOT_A_SETTING = "is no setting of a contact problem"
 _NOT_HERE = {
     "levels": _NOT_A_SETTING,
     "initial_contact": _NOT_A_SETTING,
+    "solver": "is no argument: give each setting by its name, such as tolerance=1e-8",
     "P": "is not used: the preconditioner follows from linear_algebra",
     "kind": "is not used: the kind of the matrix follows from linear_algebra",
     "entity_maps": "is not possible yet: all arguments are on one mesh",

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.arrays import Plain
 from signorini_fx.extensions import STEP_EFFECTS, names_of
 from signorini_fx.machine.display import (
     clean,
@@ -79,7 +80,7 @@ def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
     return solved[-1] if solved else {}
 
 
-def figure(value: Any) -> str:
+def figure(value: Plain) -> str:
     """Return a number, or the components of a vector, with four digits; "" for None."""
     if isinstance(value, list | tuple):
         size = math.hypot(*value)
@@ -100,7 +101,7 @@ def _rounded(value: float, size: float) -> str:
     return f"{rounded:.6g}" if rounded else "0"
 
 
-def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
+def told(summary: Summary, name: str, value: Plain, quantity: str, area: str = "") -> str:
     """Return a value with the error of the number of this name, scaled to the value; without a
     known error it has four digits.
 
@@ -109,14 +110,15 @@ def told(summary: Summary, name: str, value: Any, quantity: str) -> str:
         name: the name in ``numbers``.
         value: the value to print.
         quantity: what it is measured in, for its unit.
+        area: words behind the unit.
     """
     row = summary.get("numbers", {}).get(name)
     if row is None:
-        return with_unit(figure(value), quantity)
+        return with_unit(figure(value), quantity) + area
     number = PrintedNumber(**row)
     if number.error and isinstance(value, float) and isinstance(number.value, float):
         number = number.model_copy(update={"error": number.error * abs(value / number.value)})
-    return number.model_copy(update={"value": value}).told(unit(quantity))
+    return number.model_copy(update={"value": value}).told(f"{unit(quantity)}{area}".lstrip())
 
 
 def percent(error: float) -> str:
@@ -146,7 +148,7 @@ def labelled(label: str, texts: list[str]) -> list[TerminalLine]:
     return [row(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
 
-def digits(value: Any) -> str:
+def digits(value: Plain) -> str:
     """Return a number, or the components of a vector, with six digits."""
     if not isinstance(value, float):
         return in_brackets(value) if isinstance(value, list) else str(value)
@@ -311,8 +313,8 @@ def _contact(summary: Summary) -> Lines:
     touching = summary["touching_nodes"]
     present = summary.get("present_pressure")
     largest = summary["max_pressure"] if present is None else present
-    peak = told(summary, "largest pressure", largest, "stress")
-    peak += "" if present is None else " per present area"
+    per_area = "" if present is None else " per present area"
+    peak = told(summary, "largest pressure", largest, "stress", per_area)
     if "numbers" not in summary:
         peak += _no_limit({"no_limit": summary.get("no_limit_of_pressure")})
     pressed = f", largest pressure {peak}" if touching else ""

@@ -20,7 +20,7 @@ from signorini_fx.machine.result_files import folder_path, read_csv, read_summar
 
 SCHEMA_VERSION = 1
 # The beginning of the reason why a number has no finite value.
-NO_FINITE_VALUE = "no finite value: "
+NO_FINITE_VALUE = "has no finite value: "
 
 
 def _closed(schema: dict[str, Any]) -> None:

@@ -302,15 +302,13 @@ class _Written:
 
     def _pictures(self, table: ContactTable | None, gathered: Any) -> None:
         """Draw all pictures; some are drawn from tables that are already written."""
-        solution = self.solution
         folder = self.folder
 
         def draw() -> None:
-            several = read_csv(folder.path / "steps.csv") if len(solution.steps) > 1 else None
-            along = folder.path / "contact_steps.csv"
-            profiles = read_csv(along) if along.is_file() else None
+            written = (folder.path / name for name in ("steps.csv", "contact_steps.csv"))
+            tables = [read_csv(file) if file.is_file() else None for file in written]
             try:
-                gathered.draw(folder.part, table, several, profiles)
+                gathered.draw(folder.part, table, *tables)
             except PictureError as error:
                 say(f"the deformed body is not drawn: {error}")
 

@@ -108,17 +108,19 @@ def _forces(solution: Any) -> dict[str, PrintedNumber]:
     ]
     largest = float(np.linalg.norm(each, axis=2).max())
     errors = _errors_of_forces(solution, wanted, largest)
-    few = f"{solution.table.touching} nodes in contact"
+    few = _few_nodes(solution.table)
     found = {}
     for number, one in enumerate(wanted):
-        stated: dict[str, Any] = {"why": few} if solution.table.touching < _TOO_FEW else {}
+        error = None
+        why = few if solution.table.touching < _TOO_FEW else None
         if isinstance(errors, str):
-            stated = {"why": f"not known: {errors}"}
+            why = f"error not known: {errors}"
         elif errors[number] <= ZERO_IN_SOLUTION * largest:
-            stated = {"error": 0.0, "why": "from the loads"}
+            error = 0.0
+            why = "from the loads"
         else:
-            stated["error"] = errors[number]
-        found[one.name] = PrintedNumber(value=[*map(float, one.force)], **stated)
+            error = errors[number]
+        found[one.name] = PrintedNumber(value=[*map(float, one.force)], error=error, why=why)
     return found
 
 
@@ -198,7 +200,7 @@ def _moments(solution: Any) -> dict[str, PrintedNumber]:
         name: PrintedNumber(
             value=[*map(float, moment)],
             error=None if share is None else float(MARGIN * share * size),
-            why=f"not known: {error}" if share is None else None,
+            why=f"error not known: {error}" if share is None else None,
         )
         for name, moment, size in zip(
             ("contact moment", "friction moment"), contact.moments, (size, friction), strict=True
@@ -222,11 +224,13 @@ def _motions(solution: Any) -> dict[str, PrintedNumber]:
         error = "other loads act too"
     found = {}
     for motion in motions:
-        stated: dict[str, Any] = {"why": f"not known: {error}"}
-        if not isinstance(error, str):
-            stated = {"error": MARGIN * error**2 * float(np.linalg.norm(motion.translation))}
-        stated["value"] = motion.translation.tolist()
-        found[f"displacement of {motion.body.name}"] = PrintedNumber(**stated)
+        known = not isinstance(error, str)
+        size = float(np.linalg.norm(motion.translation))
+        found[f"displacement of {motion.body.name}"] = PrintedNumber(
+            value=motion.translation.tolist(),
+            error=MARGIN * error**2 * size if known else None,
+            why=None if known else f"error not known: {error}",
+        )
     return found
 
 
@@ -448,16 +452,21 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
         width += MARGIN * solution.certificate.penetration
     if table.touching < _TOO_FEW:
         width = max(width, 1 / (1 + table.touching))
-        return PrintedNumber(**known, error=width * value, why=f"{table.touching} nodes in contact")
+        return PrintedNumber(**known, error=width * value, why=_few_nodes(table))
     if (reason := solution.no_limit_of_pressure) is not None:
-        return PrintedNumber(**known, why=f"no finite value: {reason}")
+        return PrintedNumber(**known, why=f"has no finite value: {reason}")
     if at := _near_a_corner(solution):
-        return PrintedNumber(**known, why=f"not known: it may have no limit at {at}")
+        return PrintedNumber(**known, why=f"error not known: it may have no limit at {at}")
     if row in growing_rows(table) and kink > _GROWS:
-        return PrintedNumber(**known, why="not known: still growing towards the end")
+        return PrintedNumber(**known, why="error not known: still growing towards the end")
     if kink >= _UNRESOLVED:
         return PrintedNumber(**known, why=f"not resolved: {100 * kink:.0f} % to the next node")
     return PrintedNumber(**known, error=width * value)
+
+
+def _few_nodes(table: ContactTable) -> str:
+    """Return the number of nodes in contact, in words."""
+    return f"{table.touching} node{'s' * (table.touching != 1)} in contact"
 
 
 def _near_a_corner(solution: Any) -> str:
@@ -497,20 +506,28 @@ def _kink(table: ContactTable, row: int) -> float:
     pressure = table.columns["pressure"]
     if table.facets is not None:
         surface = ContactSurface.of(table)
-        at = (surface.corners == row).any(axis=1)
-        beside = np.setdiff1d(np.unique(surface.corners[at]), [row])
-        return float(abs(pressure[beside].mean() / pressure[row] - 1)) if beside.size else 1.0
+        around = (surface.corners == row).any(axis=1)
+        neighbours = np.setdiff1d(np.unique(surface.corners[around]), [row])
+        return _relative_change(pressure, neighbours, row) if neighbours.size else 1.0
     for path in table.paths:
-        rows, _, own = table.unrolled(path)
-        for at in np.flatnonzero(rows == row)[: 1 if own.start == 0 else None]:
-            if 0 < at < len(rows) - 1:
-                mean = (pressure[rows[at - 1]] + pressure[rows[at + 1]]) / 2
-                return float(abs(mean / pressure[row] - 1))
-            if len(rows) > 2:
-                way = 1 if at == 0 else -1
-                inside, next_one = pressure[rows[at + way]], pressure[rows[at + 2 * way]]
-                return float(abs(pressure[row] - 2 * inside + next_one) / pressure[row])
+        rows, _, _ = table.unrolled(path)
+        if row not in path or len(rows) < 3:
+            continue
+        # A closed path is repeated, and the copy in the middle has no ends.
+        places = np.flatnonzero(rows == row)
+        place = int(places[len(places) // 2])
+        if 0 < place < len(rows) - 1:
+            return _relative_change(pressure, rows[[place - 1, place + 1]], row)
+        end, inside, next_inside = pressure[rows[:3] if place == 0 else rows[:-4:-1]]
+        return float(abs(end - 2 * inside + next_inside) / end)
     return 1.0
+
+
+def _relative_change(pressure: Array, neighbours: Ints, row: int) -> float:
+    """Return the relative difference between the pressure at a row and the mean of its
+    neighbours.
+    """
+    return float(abs(pressure[neighbours].mean() / pressure[row] - 1))
 
 
 def _contact_area(solution: Any) -> PrintedNumber:

@@ -186,7 +186,7 @@ class Scene(Table):
         ):
             yield ("load_steps", "jump"), "is for contact that wears: nothing here adds up"
         if (times := stated.load_steps.times) is not None and len(times) != stated.steps:
-            wanted = f"one for each of {stated.steps} factors is expected"
+            wanted = f"one for each of {stated.steps} load steps is expected"
             yield ("load_steps", "times"), f"has {len(times)} entries, {wanted}"
             return
         try:

@@ -398,7 +398,7 @@ def test_share():
         ),
         (
             {"contact": {"boundary": "bottom", "friction_heat": {"share": 1.5}}},
-            "contact.friction_heat.share: must be less than or equal to 1",
+            "contact.friction_heat.share: must be at most 1",
         ),
         (
             {"contact": {"boundary": "bottom", "friction_heat": 1.0}},

@@ -139,7 +139,7 @@ def changed(old, new):
         (
             b"\xef\xbb\xbf" + changed("poisson = 0.4", "poisson = 0.6").encode(),
             (),
-            "material.poisson: must be less",
+            "material.poisson: must be at most",
         ),
     ],
     ids=range(14),

@@ -292,7 +292,7 @@ def test_steps_without_a_duration(keys, message):
     ("friction", "message"),
     [
         (STRIBECK | {"speed": 0.0}, r"friction\.speed: must be greater than 0"),
-        (STRIBECK | {"exponent": 0.5}, r"friction\.exponent: must be greater than or equal to 1"),
+        (STRIBECK | {"exponent": 0.5}, r"friction\.exponent: must be at least 1"),
         (STRIBECK | {"kinetic": -0.1}, r"friction\.kinetic: must not be negative"),
         (STRIBECK | {"kinetics": 0.1}, r"friction\.kinetics: unknown key"),
         ({"law": "stribeck", "coefficient": 0.4}, r"friction\.kinetic: is missing"),

@@ -289,7 +289,7 @@ REFUSED = {
             ],
             "load_steps": {"times": [1.0, 2.0]},
         },
-        r"load_steps\.times: has 2 entries, one for each of 3 factors",
+        r"load_steps\.times: has 2 entries, one for each of 3 load steps",
     ),
 }
 

@@ -173,7 +173,7 @@ def test_the_motion_of_a_rigid_body():
     off = np.linalg.norm(np.subtract(coarse.value, fine.value))
     assert off <= coarse.error < 0.5 * np.linalg.norm(fine.value)
     both = alone(block(n=4, **pressed, traction={"boundary": "right", "x": 1.0}))
-    assert both.numbers["displacement of top"].why == "not known: other loads act too"
+    assert both.numbers["displacement of top"].why == "error not known: other loads act too"
 
 
 def test_products_of_errors():

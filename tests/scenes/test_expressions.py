@@ -138,7 +138,7 @@ def test_refused(text):
 def test_refusal_says_what_is_allowed():
     """The message names the mistake and the functions there are."""
     with pytest.raises(
-        ValueError, match=r"'sinh' of 1 arguments is not available.*Allowed are .*x\[0\].*tanh"
+        ValueError, match=r"'sinh' of 1 argument is not available.*Allowed are .*x\[0\].*tanh"
     ):
         Expression("sinh(x[0])")
 

@@ -120,7 +120,7 @@ def test_one_table_instead_of_a_list():
         ("material.young", math.inf, "finite"),
         ("material.young", "5000", "number"),
         ("material.young", True, "number"),
-        ("material.poisson", 0.6, "less than or equal to 0.5"),
+        ("material.poisson", 0.6, "at most 0.5"),
         ("material.poisson", 0.5, "must be below 0.5"),
         ("material.poisson", -1, "greater than -1"),
         ("material.hypothesis", "plane", "plane strain"),

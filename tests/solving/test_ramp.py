@@ -233,7 +233,7 @@ def test_a_ramp_without_contact_says_where_it_ends():
     [
         ({"steps": 0}, "load_steps.steps"),
         ({"steps": 2.5}, "load_steps.steps"),
-        ({"names": ["one"]}, "load_steps.names: has 1 entries, one for each of 2 is"),
+        ({"names": ["one"]}, "load_steps.names: has 1 entries, one for each of 2 load steps is"),
         ({"times": [1.0, 1.0]}, "load_steps.times: must be finite and increase"),
         ({"times": [0.0, 1.0, 2.0]}, "load_steps.times: has 3 entries"),
         ({"ramp": 3}, "load_steps.ramp"),

@@ -81,7 +81,7 @@ def _kind(element: str) -> tuple[str, int]:
     if match := _SOLID.match(element):
         if (count := int(match[1])) not in _SOLID_KINDS:
             raise ValueError(
-                f"element type {element}: known are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20"
+                f"element type {element}: supported are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20"
             )
         return _SOLID_KINDS[count], count
     if match := _PLANE.match(element):
@@ -90,9 +90,8 @@ def _kind(element: str) -> tuple[str, int]:
         count = int(match[1]) + (element[0] == "B")  # B21 has two nodes, as T2D2
         return ("line" if count == 2 else "line3"), count
     raise ValueError(
-        f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, "
-        "CPS3, CPS4, CPS6, S3, "
-        "S4 ..., and in 3D C3D4, C3D8, C3D10, C3D20 ..."
+        f"element type {element} is neither a plane one nor a solid; supported are CPE3, CPE4, "
+        "CPE6, CPS3, CPS4, CPS6, S3, S4 ..., and in 3D C3D4, C3D8, C3D10, C3D20 ..."
     )
 
 

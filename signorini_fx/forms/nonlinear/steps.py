@@ -65,7 +65,7 @@ class EquilibriumSolver:
     """
 
     body: NonlinearBody
-    commit: Callable[[], object] | None  # the user's function, called at the end of a step
+    commit: Callable[[], None] | None  # the user's function, called at the end of a step
     remembers: Remembers | None  # the material's history of earlier steps
     max_newton: int
     asks_stability: bool
@@ -94,7 +94,7 @@ class EquilibriumSolver:
     farthest: float = 0.0
     _since: State = field(init=False)  # the last solution before an attempt, or the initial state
     path: LoadPath = field(init=False)  # the load steps
-    go_to: Callable[[float], object] = field(init=False)  # changes the body to a place on the path
+    go_to: Callable[[float], None] = field(init=False)  # changes the body to a place on the path
     # The increments along the path; None: a single step of the user's loop is solved.
     way: HalvedIncrements | None = None
     # Returns as text which share of the loads at the failed place the reached place bears.
@@ -113,7 +113,7 @@ class EquilibriumSolver:
     def go_through(
         self,
         path: LoadPath,
-        go_to: Callable[[float], object] = lambda place: None,
+        go_to: Callable[[float], None] = lambda place: None,
         way: HalvedIncrements | None = None,
     ) -> None:
         """Set the load path, see the attributes ``path``, ``go_to`` and ``way``."""
@@ -370,7 +370,7 @@ class EquilibriumSolver:
         if inner in (Status.NOT_HELD, *OF_LINEAR_BODIES):
             if not leads(self.body, self.body.at.x.array.copy()):
                 return Verdict(Status.NOT_SOLVED)
-            without = f"the tangent does not hold it: {inner.value}"
+            without = f"the linearised body is not held: {inner.value}"
             return Verdict(Status.NOT_SOLVED, without=without, cause=inner)
         if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):
             return Verdict(inner)
@@ -553,7 +553,7 @@ class EquilibriumSolver:
     def solve_path(
         self,
         state: State,
-        on_step: Callable[[StepResult], object],
+        on_step: Callable[[StepResult], None],
         stored: StoredStates | None = None,
     ) -> tuple[str, str]:
         """Solve the load steps of a path after a state; collective.

@@ -27,6 +27,8 @@ from signorini_fx.mechanics.statement.values import shown
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
+
+    from signorini_fx.arrays import Plain
 else:
     _ModelMetaclass = type(BaseModel)
 
@@ -60,7 +62,7 @@ class Table(BaseModel, metaclass=_OwnErrors):
     error: ClassVar[type[SceneError]] = SceneError
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+    def __pydantic_init_subclass__(cls, **_: Plain) -> None:
         """Set a signature with keys and defaults for help and notebooks, without the validation
         types.
         """
@@ -167,7 +169,21 @@ _MESSAGES = {
 
 
 def plain_message(detail: ErrorDetails) -> str:
-    """Return the message of a pydantic error, reworded for users of this package."""
+    """Return the message of a pydantic error, reworded for users of this package, with the wrong
+    value.
+    """
+    message = _reworded(detail)
+    entry = detail.get("input")
+    if (
+        detail["type"] not in (*_MESSAGES, "too_short", "too_long")
+        and isinstance(entry, str | int | float)
+        and shown(entry) not in message
+    ):
+        message += f", got {shown(entry)}"
+    return message
+
+
+def _reworded(detail: ErrorDetails) -> str:
     match detail:
         case {"type": str(kind)} if kind in _MESSAGES:
             return _MESSAGES[kind]
@@ -189,13 +205,19 @@ def plain_message(detail: ErrorDetails) -> str:
             return "must be a table"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
-    message = str(detail["msg"]).removeprefix("Value error, ")
+    message = str(detail["msg"]).removeprefix("Value error, ").partition(", unable to parse")[0]
     message = re.sub(
         r"^Input should be( a valid)?",
         lambda prefix: "must be a" if prefix[1] else "must be",
         message,
     )
-    return message.replace("must be a integer", "must be an integer")
+    for of_pydantic, plain in (
+        ("must be a integer", "must be an integer"),
+        ("greater than or equal to", "at least"),
+        ("less than or equal to", "at most"),
+    ):
+        message = message.replace(of_pydantic, plain)
+    return message
 
 
 def _entries(count: int) -> str:
@@ -203,7 +225,7 @@ def _entries(count: int) -> str:
 
 
 def problems_of(
-    error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]
+    error: ValidationError, data: Mapping[str, Plain], model: type[BaseModel]
 ) -> list[tuple[str, str]]:
     """Return the errors that pydantic found in ``data`` as pairs of path and message for
     ``SceneError``.
@@ -236,17 +258,10 @@ def _problem(
             path += f".{name}" if path else name
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
-    entry = detail.get("input")
     if detail["type"].startswith("union_tag"):
         path += ".law"
     if detail["type"] == "extra_forbidden":
         message += _meant(str(detail["loc"][-1]), model)
-    if (
-        detail["type"] not in (*_MESSAGES, "too_short", "too_long")
-        and isinstance(entry, str | int | float)
-        and shown(entry) not in message
-    ):
-        message += f", got {shown(entry)}"
     return path or "scene", message
 
 

@@ -174,7 +174,7 @@ class _Evaluator:
             return reduce(functions[name], self._numbers(*arguments))
         if name in _ONE_ARGUMENT and count == 1:
             return functions[name](*self._numbers(*arguments))
-        raise ValueError(f"{name!r} of {count} arguments is not available")
+        raise ValueError(f"{name!r} of {count} argument{'s' * (count != 1)} is not available")
 
     def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Operand:
         """Return a comparison with a tolerance for round-off; else a jump at a quadrature point

@@ -163,7 +163,8 @@ class LoadPath:
             problems.append(
                 (
                     "names",
-                    f"has {len(self.names)} entries, one for each of {len(self.times)} is expected",
+                    f"has {len(self.names)} entries, one for each of {len(self.times)} load steps "
+                    "is expected",
                 )
             )
         if self.steps is not None and (not isinstance(self.steps, int) or self.steps < 1):

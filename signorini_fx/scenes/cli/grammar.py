@@ -56,7 +56,7 @@ def parser() -> argparse.ArgumentParser:
     epilog = (
         "Options after -- are passed to PETSc, for example: -- -sfx_snes_monitor "
         "-sfx_pc_factor_mat_solver_type mumps. "
-        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal "
+        "Exit codes: 0 solved, 1 no solution (the summary has the reason), 2 bad input, 3 internal "
         "error, 4 a part of the deck that changes the answer was left out, 130 interrupted."
     )
     judged = (
@@ -174,10 +174,17 @@ def parser() -> argparse.ArgumentParser:
             "--set", action="append", type=parsed_setting, metavar="PATH=VALUE", help=entry
         )
     calibrate.add_argument(
-        "measured", type=named_path, metavar="MEASURED", help="CSV: of, value, perhaps deviation"
+        "measured",
+        type=named_path,
+        metavar="MEASURED",
+        help="CSV with the columns of, value and, if known, deviation",
     )
     calibrate.add_argument(
-        "--by", action="append", required=True, metavar="PATH", help="entry; may be repeated"
+        "--by",
+        action="append",
+        required=True,
+        metavar="PATH",
+        help="entry of the scene to fit; may be repeated",
     )
     new.add_argument(
         "file",

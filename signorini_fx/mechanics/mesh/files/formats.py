@@ -57,7 +57,7 @@ def read_file(
     suffix = mesh.file.suffix.lower()
     if suffix not in MESH_FORMATS:
         raise MeshError(
-            f"{file}: unknown mesh format {file.suffix!r}; known are "
+            f"{file}: unknown mesh format {file.suffix!r}; supported are "
             f"{', '.join(sorted(MESH_FORMATS))}"
         )
     if not os.path.isfile(file):  # a name may be of any length
