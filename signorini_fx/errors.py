@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Self
 
 
@@ -52,7 +53,7 @@ class SceneError(SignoriniError):
         """Return the error of a single problem."""
         return cls([(path, message)], source)
 
-    def of(self, source: object) -> SceneError:
+    def of(self, source: str | Path) -> SceneError:
         """Return the same errors for a scene with the name ``source``."""
         return SceneError(self.problems, str(source))
 
@@ -144,7 +145,7 @@ class PictureError(SignoriniError):
     """
 
 
-def cannot_be_written(path: object, error: Exception) -> OutputError:
+def cannot_be_written(path: str | Path, error: Exception) -> OutputError:
     """Return the error for a file or folder that cannot be written, with the reason from the
     system.
     """

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import ufl
     from ufl.core.expr import Expr
 
-    from signorini_fx.arrays import Array
+    from signorini_fx.arrays import Array, Plain
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
     from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
@@ -180,7 +180,7 @@ class ProblemOfForms:
         """See ``State.save``."""
         return self.assembled.points()
 
-    def place(self, number: int, **placement: Any) -> None:
+    def place(self, number: int, **placement: Plain) -> None:
         """Shift and turn a foundation that has a shape, or change the forces that drive it, for the
         next solve and all later ones.
 
@@ -228,11 +228,11 @@ class ProblemOfForms:
     def run(
         self,
         path: LoadPath | Iterable[float],
-        at: Callable[[float], object] | fem.Constant,
+        at: Callable[[float], None] | fem.Constant,
         *,
         folder: str | Path | None = None,
         restart: bool = False,
-        on_step: Callable[[StepResult], object] = lambda step: None,
+        on_step: Callable[[StepResult], None] = lambda step: None,
     ) -> Solution:
         """Solve load steps, with ``advance`` between them; collective.
 
@@ -309,7 +309,7 @@ class ProblemOfForms:
         pictures: bool | Sequence[str] = True,
         pdf: bool = False,
         report: bool = False,
-    ) -> dict[str, Any]:
+    ) -> dict[str, Plain]:
         """Write the result folder of the last solution, with the same files as for a scene;
         collective.
 

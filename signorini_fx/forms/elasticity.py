@@ -472,7 +472,7 @@ def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, 
 
 
 def natural_modulus(
-    law: Law | None, a: Any, measures: set[Expr], space: fem.FunctionSpace
+    law: Law | None, a: ufl.Form, measures: set[Expr], space: fem.FunctionSpace
 ) -> float | None:
     """Return Young's modulus of the stiffest cell, the natural unit of stress, or None if the
     material is not isotropic or the forms cannot be evaluated; collective.

@@ -55,7 +55,7 @@ from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
 
-Clock = Callable[[float], object]  # changes a problem to what it is at a time
+Clock = Callable[[float], None]  # changes a problem to what it is at a time
 
 LASTS = "a step with inertia has a duration: use step(state, time) or run, not solve"
 UNDERIVED = "derivatives of motions with inertia are not possible yet"

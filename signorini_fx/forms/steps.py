@@ -33,7 +33,7 @@ def solve_path(
     path: LoadPath,
     clock: Clock,
     stored: StoredStates | None,
-    on_step: Callable[[StepResult], object],
+    on_step: Callable[[StepResult], None],
 ) -> Ran:
     """Solve the load steps of a path, and leave the solver at the last one; collective."""
     solver.go_through(path, clock, waits=path.several)

@@ -11,11 +11,10 @@ import basix
 import basix.ufl
 import mpi4py.MPI  # noqa: F401  # before dolfinx, which finds MPI once it is loaded
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import __version__, cpp, fem, mesh
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Column, Indices
 from signorini_fx.errors import needs_fenicsx
 
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
@@ -106,7 +105,7 @@ def geometry_in_space(domain: mesh.Mesh) -> cpp.mesh.Geometry_float64:
     return type(geometry)(geometry.index_map(), geometry_cells(domain), _cmap(geometry), x, indices)
 
 
-def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
+def form_data(form: fem.Form) -> list[Column]:
     """Return the values of the constants and coefficients of a compiled form on this rank, in a
     fixed order.
     """

@@ -14,14 +14,16 @@ from signorini_fx.records import Status, StepRecord
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from signorini_fx.arrays import Plain
 
-def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
+
+def html_table(columns: Sequence[str], rows: Iterable[Sequence[Plain]], caption: str = "") -> str:
     """Return a table in HTML: numbers with six digits, words from the left."""
 
     def safe(text: str) -> str:
         return escape(printable(text))
 
-    def cell(value: Any) -> str:
+    def cell(value: Plain) -> str:
         if isinstance(value, str):
             return f'<td style="text-align: left">{safe(value)}</td>'
         return f"<td>{safe(f'{value:.6g}' if isinstance(value, float) else str(value))}</td>"
@@ -104,7 +106,7 @@ def storage(size: float) -> str:
     return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
 
 
-def status_in_words(summary: dict[str, Any]) -> str:
+def status_in_words(summary: dict[str, Plain]) -> str:
     """Return the outcome of a solve as text, with a note if its scene is incomplete."""
     return str(summary["status"]) + (", incomplete" if summary.get("incomplete") else "")
 
@@ -142,7 +144,7 @@ def results_of(summary: dict[str, Any]) -> str:
     return f"{load_step(of)}; no solution of load step {last['step']}, time {last['time']:.6g}"
 
 
-def effort_in_words(summary: dict[str, Any]) -> str:
+def effort_in_words(summary: dict[str, Plain]) -> str:
     """Return the numbers of linear solves and factorisations of a solve as text."""
     counts = (
         (summary["linear_solves"], "linear solve"),

@@ -19,6 +19,8 @@ from signorini_fx.machine.manifest import PART
 from signorini_fx.machine.terminal import printable
 
 if TYPE_CHECKING:
+    from signorini_fx.arrays import Column, Plain
+
     pass
 
 # Columns of our files that are text even if every entry looks like a number: a boundary may be
@@ -60,7 +62,7 @@ def write_columns(path: Path, columns: Table) -> None:
             writer.writerows(zip(*map(_cells, columns.values()), strict=True))
 
 
-def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Any]:
+def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Plain]:
     """Return the values of a column as they are written in a CSV file."""
     values = column.tolist() if isinstance(column, np.ndarray) else column
     values = [value.item() if isinstance(value, np.generic) else value for value in values]
@@ -71,7 +73,7 @@ def _cells(column: npt.NDArray[np.generic] | Sequence[Cell]) -> list[Any]:
     ]
 
 
-def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
+def read_csv(path: str | Path) -> dict[str, Column]:
     """Return the columns of a CSV file by their names.
 
     A column is of floats where every entry is a number (an empty one is nan), otherwise of strings.
@@ -93,7 +95,7 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
     return {name: _column(name, [row[name] for row in rows]) for name in names}
 
 
-def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
+def _column(name: str, entries: list[str]) -> Column:
     if name not in _TEXT_COLUMNS:
         try:
             return np.array(

@@ -6,18 +6,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from signorini_fx.arrays import Plain
 from signorini_fx.machine import parallel
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.contact_state import ContactState
+    from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+    from signorini_fx.mechanics.effects.contact import Contact
 
 
 def of_results(solution: Any) -> dict[str, Any]:
     """Return the values of all keys that need nothing but the solution; collective."""
     contact = solution.contact
     known = {
-        **({} if contact is None else _of_contact(solution)),
+        **({} if contact is None else _of_contact(solution, contact)),
         "limit": solution.limit and solution.limit.model_dump(exclude_none=True),
         "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
@@ -30,9 +36,8 @@ def of_results(solution: Any) -> dict[str, Any]:
     return {key: value for key, value in known.items() if value is not None}
 
 
-def _of_contact(solution: Any) -> dict[str, Any]:
+def _of_contact(solution: Any, contact: ContactState) -> dict[str, Plain]:
     """Return the values of the keys of a scene with contact; collective."""
-    contact = solution.contact
     table = solution.table
     columns = table.columns
     kinematics = solution.model.kinematics
@@ -68,7 +73,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
     }
 
 
-def _zones(table: Any) -> dict[str, Any]:
+def _zones(table: ContactTable) -> dict[str, Plain]:
     """Return the contact, stick and slip zones of a 2D body, from node to node."""
     columns = table.columns
     touching = columns["state"] != "open"
@@ -81,7 +86,7 @@ def _zones(table: Any) -> dict[str, Any]:
     }
 
 
-def of_fields(solution: Any) -> dict[str, Any]:
+def of_fields(solution: Any) -> dict[str, Plain]:
     """Return the values of the stress, which exist only if fields are written; collective."""
     stress = solution.known_stress
     if stress is None:
@@ -94,11 +99,11 @@ def of_fields(solution: Any) -> dict[str, Any]:
     return {key: value for key, value in known.items() if value is not None}
 
 
-def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
+def afterwards(solution: Any) -> dict[str, Callable[[Any], Plain]]:
     """Return functions for values that are computed after the results are written, so that a
     failure is only a warning.
     """
-    functions: dict[str, Callable[[Any], Any]] = {}
+    functions: dict[str, Callable[[Any], Plain]] = {}
     if solution.contact is not None:
         functions["friction_used"] = lambda solution: solution.friction_used
     if solution.model.settings.error_bound:
@@ -114,14 +119,14 @@ def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
 NO_BOUND = "none: "
 
 
-def _error_bound(solution: Any) -> Any:
+def _error_bound(solution: Any) -> Plain:
     bound = solution.error_bound
     if isinstance(bound, str):
         return {"statement": f"{NO_BOUND}{bound}"}
     return None if bound is None else bound.as_dict()
 
 
-def _cost(solution: Any) -> Any:
+def _cost(solution: Any) -> Plain:
     cost = solution.cost
     return {"statement": cost} if isinstance(cost, str) else cost.model_dump()
 
@@ -129,21 +134,20 @@ def _cost(solution: Any) -> Any:
 def of_step(solution: Any) -> dict[str, Any]:
     """Return the columns of a load step in steps.csv; collective."""
     contact = solution.contact
-    columns = {} if contact is None else _of_contact_in_step(solution)
+    columns = {} if contact is None else _of_contact_in_step(solution, contact)
     energy = solution.last_step.strain_energy
     columns |= {} if energy is None else {"strain_energy": energy}
     return columns | {"certificate_holds": solution.certificate.holds}
 
 
-def _of_contact_in_step(solution: Any) -> dict[str, Any]:
+def _of_contact_in_step(solution: Any, contact: ContactState) -> dict[str, Plain]:
     """Return the contact values of a load step by axis, and by boundary if their sum has no
     meaning; collective.
     """
-    contact = solution.contact
     parts = solution.model.contacts
     names = _boundaries(parts)
     count = range(len(names))
-    columns: dict[str, Any] = {}
+    columns: dict[str, Plain] = {}
     for number, key in enumerate(("contact_force", "friction_force")):
         forces = [contact.forces_of_each[k, number] for k in count] or [contact.forces[number]]
         columns |= _by_axis(key, forces, names)
@@ -175,7 +179,7 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     return columns | {"friction_work": contact.friction_work}
 
 
-def _boundaries(contacts: Sequence[Any]) -> list[str]:
+def _boundaries(contacts: Sequence[Contact]) -> list[str]:
     """Return the names of the contact boundaries if the sum of their forces acts on no single body,
     otherwise an empty list.
     """

@@ -7,7 +7,7 @@ round-off: there the relevant figure is the moment of friction about the middle 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -26,7 +26,7 @@ from signorini_fx.quantities.summary import ContactFigures, CornerFigures, Secti
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
-    from typing import Any
+    pass
 
 
 def contact_figures(

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Plain
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions
@@ -70,7 +70,7 @@ class Resultant:
         arms = self.about - np.asarray(point, dtype=np.float64)
         return _plain(np.atleast_1d(self.moment) + moments(arms, self.force))
 
-    def as_dict(self, size: tuple[float, float], extent: float) -> dict[str, object]:
+    def as_dict(self, size: tuple[float, float], extent: float) -> dict[str, Plain]:
         """Return a row of the summary, JSON-safe.
 
         Forces and moments that are round-off of ``size``, and lengths that are round-off of
@@ -156,7 +156,7 @@ class Resultants:
         resultants = [self.of(name) for name in self._names]
         return [*resultants, *([self.body_force()] if self._at_nodes(None) else [])]
 
-    def as_rows(self) -> list[dict[str, object]]:
+    def as_rows(self) -> list[dict[str, Plain]]:
         """Return the rows of ``every`` for the summary; none if the displacement is not finite.
         Collective.
         """

@@ -14,7 +14,7 @@ named.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -50,7 +50,7 @@ class BoundaryFacet:
     names: tuple[str, ...]  # of the boundaries with this condition
     paired: str  # contact with another body: "contact", "bonded" or ""
     piece: int
-    material: tuple[Any, ...]  # equal for equal materials, see ``_materials``
+    material: tuple[Hashable, ...]  # equal for equal materials, see ``_materials``
 
     @property
     def size(self) -> float:
@@ -277,7 +277,7 @@ def ends_on_another(body: Model, table: ContactTable) -> list[int]:
     return ends
 
 
-def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
+def _materials(body: Model) -> Callable[[int], tuple[Hashable, ...]]:
     """Return a function from a cell to what distinguishes its material: its kind, and its expansion
     if there are initial strains.
     """
@@ -287,7 +287,7 @@ def _materials(body: Model) -> Callable[[int], tuple[Any, ...]]:
         cells = None if one.region is None else {*map(int, body.tagged.cells(one.region))}
         parts.append(((*one.kind, strained and one.expansion), cells))
 
-    def of(cell: int) -> tuple[Any, ...]:
+    def of(cell: int) -> tuple[Hashable, ...]:
         within = (counts for counts, cells in parts if cells is None or cell in cells)
         return next(within, parts[-1][0])
 

@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import signorini_fx
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Plain
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
 from signorini_fx.machine import parallel
@@ -164,12 +164,12 @@ class Solution:
         alone = self.comm.size == 1 or "_summary" in vars(self)
         return short_answer(self._summary) if alone else []
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Plain]:
         """Return the figures that ``write_results`` writes into summary.json; collective."""
         return self._summary
 
     @cached_property
-    def _summary(self) -> dict[str, Any]:
+    def _summary(self) -> dict[str, Plain]:
         return signorini_fx.write_results(self, None)
 
     @property
@@ -561,7 +561,7 @@ class Solution:
         """
         return signorini_fx.plot(self, field, ax=ax)
 
-    def plotter(self, field: str = "", **options: Any) -> Plotter | None:
+    def plotter(self, field: str = "", **options: Plain) -> Plotter | None:
         """Return a ``pyvista.Plotter`` with the deformed body, None on all ranks but the first;
         collective.
 
@@ -579,7 +579,7 @@ class Solution:
         """
         return add_on("plotter")(self, field, **options)
 
-    def animate(self, file: str | Path, field: str = "", **options: Any) -> None:
+    def animate(self, file: str | Path, field: str = "", **options: Plain) -> None:
         """Write an animation of the load steps, or of the growing displacement of a single one;
         collective.
 

@@ -19,7 +19,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Plain
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.display import point_in_words
@@ -345,7 +345,7 @@ class RawStresses(StressFields):
         degree = space.element.basix_element.degree
         return self.at_points.on_cells(self.at_points.plastic, space.mesh, degree, "plastic_strain")
 
-    def plastic_extreme(self) -> dict[str, Any] | None:
+    def plastic_extreme(self) -> dict[str, Plain] | None:
         """Return the largest plastic strain at the quadrature points, its place, and the region of
         its material if there are several, JSON-safe; None without plastic strain; collective.
         """
@@ -401,7 +401,7 @@ class RawStresses(StressFields):
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
         return np.asarray(self.mechanics.recovery.squares(self.stress.displacement, self.place))
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Plain]:
         """Return the extremes of raw and recovered stress, with the estimated error, JSON-safe;
         collective.
 
@@ -487,7 +487,7 @@ class RawStresses(StressFields):
             mean = parallel.global_sum(self.comm, np.array([around.sum(), around.size]))
         return float(max(*off, abs(raw.value - mean[0] / max(mean[1], 1.0))))
 
-    def utilisation(self) -> dict[str, Any] | None:
+    def utilisation(self) -> dict[str, Plain] | None:
         """Return the largest ratio of von Mises stress to yield stress, in raw or recovered stress,
         and its place, JSON-safe; collective.
 

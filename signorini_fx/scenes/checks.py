@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.algebra.linalg import petsc_options
+from signorini_fx.arrays import Plain
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import storage
 from signorini_fx.machine.terminal import COLUMNS, printable
@@ -51,7 +51,7 @@ class Check:
         """The findings that are warnings."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Plain]:
         """Return everything as a dictionary, ready for JSON."""
         return asdict(self)
 
@@ -209,7 +209,7 @@ def given_in_words(table: Table) -> str:
     )
 
 
-def _in_words(value: Any) -> str:
+def _in_words(value: Plain) -> str:
     """Return a value as text, shortened if it is long."""
     match value:
         case bool():

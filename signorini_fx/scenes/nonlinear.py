@@ -223,7 +223,7 @@ class ProblemOfScene(NonlinearContactProblem):
     def solved(
         self,
         stored: StoredStates | None = None,
-        on_step: Callable[[StepResult], object] = lambda step: None,
+        on_step: Callable[[StepResult], None] = lambda step: None,
         begin: State | None = None,
     ) -> Solution:
         """Return the solution of all load steps after a state; collective.

@@ -23,6 +23,8 @@ from signorini_fx.scenes.scene import Scene
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from signorini_fx.arrays import Plain
+
 # Values by the paths of their entries, such as contact[0].gap.
 Changes = Mapping[str, Any]
 PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
@@ -194,7 +196,7 @@ def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
 # --- entries that are changed by their path, such as contact[0].friction.coefficient=0.3 ----------
 
 
-def parsed_change(text: str) -> tuple[str, Any]:
+def parsed_change(text: str) -> tuple[str, Plain]:
     """Return the path and the value of a text ``PATH=VALUE``.
 
     The value is TOML, or otherwise a text, which needs no quotes.

@@ -48,6 +48,8 @@ from signorini_fx.tuned import ZERO_IN_SOLUTION
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from signorini_fx.arrays import Plain
+
 Row = dict[str, bool | float | str | None]  # results of a solution, with the changed values
 _TABLE, _STORED = "sweep.csv", "sweep.json"
 # The results in a row.
@@ -64,7 +66,7 @@ FIGURES = (
 
 def sweep(
     scene: Scene | str | Path,
-    entries: Mapping[str, Iterable[Any]],
+    entries: Mapping[str, Iterable[Plain]],
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Sweep:
     """Solve a scene for each combination of values of its entries, one at each step of the
@@ -101,7 +103,9 @@ class Sweep(Iterator[Solution]):
     is collective.
     """
 
-    def __init__(self, scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm) -> None:
+    def __init__(
+        self, scene: Scene, changes: Sequence[Mapping[str, Plain]], comm: MPI.Comm
+    ) -> None:
         self._solved = zip(changes, solutions_of(scene, changes, comm), strict=True)
 
     def __next__(self) -> Solution:
@@ -118,7 +122,7 @@ class Sweep(Iterator[Solution]):
         return dataframe([row_of(values, solution) for values, solution in self._solved])
 
 
-def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
+def combinations(entries: Mapping[str, Iterable[Plain]]) -> list[dict[str, Plain]]:
     """Return all combinations of values, each as a dictionary by the paths of the entries."""
     if not isinstance(entries, Mapping):
         raise TypeError("entries: a dictionary of values by paths is expected")
@@ -126,7 +130,7 @@ def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
 
 
 def solutions_of(
-    scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm
+    scene: Scene, changes: Sequence[Mapping[str, Plain]], comm: MPI.Comm
 ) -> Iterator[Solution]:
     """Yield the solution of a scene for each change of its entries; all changes are validated
     first.
@@ -206,7 +210,7 @@ class SweepFolder(ResultFolder):
         comm: MPI.Comm,
         path: Path,
         scene: Scene,
-        changes: Sequence[Mapping[str, Any]],
+        changes: Sequence[Mapping[str, Plain]],
     ) -> None:
         super().__init__(comm, path, (_TABLE, _STORED))
         self._changes = changes
@@ -280,14 +284,14 @@ class SweepFolder(ResultFolder):
         return list(stored["rows"])
 
 
-def _written(solution: Solution, point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
+def _written(solution: Solution, point: tuple[Scene, Mapping[str, Plain], Path]) -> Row:
     """Write the result of a combination, and return its row; collective."""
     _, change, folder = point
     write_results(solution, folder, fields=False, pictures=False)
     return row_of(change, solution)
 
 
-def _solved_alone(point: tuple[Scene, Mapping[str, Any], Path]) -> Row:
+def _solved_alone(point: tuple[Scene, Mapping[str, Plain], Path]) -> Row:
     """Solve a combination in a separate process, and return its row."""
     scene, change, _ = point
     (solution,) = solutions_of(scene, [change], MPI.COMM_SELF)

@@ -12,7 +12,8 @@ from typing import Any, get_origin
 from warnings import catch_warnings, simplefilter
 
 from pydantic import BaseModel, create_model
-from pydantic.json_schema import GenerateJsonSchema
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
 
 from signorini_fx.extensions import EFFECTS, load_class, names_of
 from signorini_fx.mechanics.effects.contact import BY_SPEED, law_by_speed
@@ -52,21 +53,21 @@ class _ForEditors(GenerateJsonSchema):
     lacks.
     """
 
-    def nullable_schema(self, schema: Any) -> Any:
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
         return self.generate_inner(schema["schema"])
 
-    def default_schema(self, schema: Any) -> Any:
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
         described = super().default_schema(schema)
         if not isinstance(described.get("default"), str | int | float):
             described.pop("default", None)
         return described
 
-    def tagged_union_schema(self, schema: Any) -> Any:
+    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
         described = super().tagged_union_schema(schema)
         described.pop("discriminator", None)
         return described
 
-    def tuple_schema(self, schema: Any) -> Any:
+    def tuple_schema(self, schema: core_schema.TupleSchema) -> JsonSchemaValue:
         described = super().tuple_schema(schema)
         return described | {"items": described.pop("prefixItems", [described.get("items")])[0]}
 

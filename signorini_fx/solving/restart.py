@@ -21,6 +21,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from pydantic import BaseModel
 
+from signorini_fx.arrays import Plain
 from signorini_fx.errors import MeshError, SceneError, cannot_be_written
 from signorini_fx.machine import manifest, parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -65,7 +66,7 @@ class StoredStates:
         self,
         comm: MPI.Comm,
         folder: str | Path,
-        scene: BaseModel | Mapping[str, Any],
+        scene: BaseModel | Mapping[str, Plain],
         history: History,
         *,
         restart: bool,
@@ -177,7 +178,7 @@ class StoredStates:
         parallel.on_root(self._comm, lambda: self._write(target, table, figures))
         self._begun = True
 
-    def _write(self, target: Path, table: Mapping[str, Any], figures: Figures) -> None:
+    def _write(self, target: Path, table: Mapping[str, Plain], figures: Figures) -> None:
         """Write a load step, on one rank; before the first one, remove the steps of an
         earlier run.
         """
@@ -292,7 +293,7 @@ def recall_history(figures: Figures, history: History, timings: Timings) -> None
     timings.seconds.update(figures["seconds"])
 
 
-def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
+def described_scene(scene: BaseModel | Mapping[str, Plain]) -> dict[str, Plain]:
     """Return the scene as JSON with all defaults and with hashes of its files, without entries that
     change no result (title, remarks).
     """
@@ -314,7 +315,7 @@ def _with_content(path: Path) -> str:
     return " ".join((path.name, *digests))
 
 
-def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+def _differences(stored: Plain, current: Plain, key: str = "") -> Iterator[tuple[str, str, str]]:
     """Yield every key whose value differs, with both values."""
     if isinstance(stored, dict) and isinstance(current, dict):
         for name in dict.fromkeys((*stored, *current)):

@@ -15,7 +15,7 @@ from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import ReferenceMotion
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Plain
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -88,7 +88,7 @@ class StoredProblem(Problem, Protocol):
         place: float,
         time: float,
         read: Callable[..., State | None],
-        method: Mapping[str, Any],
+        method: Mapping[str, Plain],
     ) -> tuple[State, Ending] | None:
         """Return the end of a stored step without the contributions of effects in time; see
         ``recalled_equilibrium``.

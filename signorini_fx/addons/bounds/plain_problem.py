@@ -31,7 +31,7 @@ from signorini_fx.addons.bounds.simplices import (
     divide,
     with_hats,
 )
-from signorini_fx.arrays import Array, Ints, matvec
+from signorini_fx.arrays import Array, Ints, Value, matvec
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -474,7 +474,7 @@ class PlainProblem:
             raise refused("friction of sides that are apart")
 
 
-def _sampled(value: Any, x: Array) -> Array:
+def _sampled(value: Value, x: Array) -> Array:
     """Return the values of a number or an expression at points, from shape (m, q, d) to (m, q)."""
     return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
 

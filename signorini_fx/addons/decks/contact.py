@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
 from signorini_fx.addons.decks.text import CONSTRAINT, DeckBlock, parameter, real, real_or_none
-from signorini_fx.arrays import Ints, inner
+from signorini_fx.arrays import Ints, Plain, inner
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.
@@ -296,7 +296,7 @@ def _hard(deck: Deck) -> float:
     return HARD_CONTACT * max(moduli, default=0.0) / deck.mesh.diagonal
 
 
-def set_sliding(deck: Deck, contacts: list[dict[str, Any]]) -> None:
+def set_sliding(deck: Deck, contacts: list[dict[str, Plain]]) -> None:
     """Set small sliding for contacts of nonlinear bodies that are tied or adjusted, and for sides
     of degree 2 in 3D.
     """

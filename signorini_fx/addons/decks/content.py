@@ -4,7 +4,7 @@ and remarks on what is not read.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -107,7 +107,7 @@ class Deck:
     period: float = 1.0  # of the last step
     time: float = 0.0  # the total one at its beginning
     nonlinear: DeckBlock | None = None  # the last step with NLGEOM; None: there is none
-    loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
+    loads: dict[tuple[Hashable, ...], DeckLoad] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
     # those of the nodes at the end of each step that changes them, and at rest as step -1

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection
+from signorini_fx.arrays import Plain
 from signorini_fx.addons.decks.text import NO_BODY_PART, DeckBlock, DeckError, parameter, real
 
 _NOT_YET_NONLINEAR = "a nonlinear material is not possible yet"
@@ -153,7 +154,9 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
 # --- tables of the scene --------------------------------------------------------------------------
 
 
-def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, dict[str, Any]]]:
+def material_tables(
+    deck: Deck, obstacle: str, *, heated: bool
+) -> list[tuple[str, dict[str, Plain]]]:
     """Return the tables of materials; each region of the body has one material.
 
     Args:
@@ -203,7 +206,7 @@ def has_rubber(deck: Deck) -> bool:
     return any("rubber" in deck.materials.get(section.material, {}) for section in deck.sections)
 
 
-def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bool) -> str:
+def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Plain]], *, heated: bool) -> str:
     """Return the feature of a scene that excludes nonlinear materials, in words, or ""."""
     finite = deck.nonlinear is not None or has_rubber(deck)
     obstacles = {

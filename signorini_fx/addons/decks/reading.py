@@ -45,6 +45,7 @@ from signorini_fx.addons.decks.text import (
     real,
     written,
 )
+from signorini_fx.arrays import Plain
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import from_raw
 
@@ -307,10 +308,10 @@ def draft(file: Path, target: Path) -> Draft:
     return Draft("\n".join(lines) + "\n", lost, noted, deck)
 
 
-def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
+def _tables(deck: Deck) -> list[tuple[str, dict[str, Plain]]]:
     """Return all tables of the scene except its mesh."""
     steps = max(1, len(deck.steps))
-    element: dict[str, Any] = {"degree": 2} if deck.mesh.degree == 2 else {}
+    element: dict[str, Plain] = {"degree": 2} if deck.mesh.degree == 2 else {}
     element |= {"volumetric": "auto"} if material.has_rubber(deck) else {}
     heat = loads.temperature_tables(deck, steps)
     contacts, stiffness = contact_tables(deck)
@@ -332,7 +333,7 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
     return tables + ([("[solver]", stiffness)] if stiffness else [])
 
 
-def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
+def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Plain]]]:
     """Return the tables of supports and loads; those with the same history on a boundary share a
     table.
 

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, Plain
 from signorini_fx.errors import MeshError
 
 # How many words each data line has at least, and how many data lines a keyword has at most.
@@ -317,7 +317,7 @@ def coordinates(block: DeckBlock) -> tuple[Ints, Array]:
     )
 
 
-def lines_of(table: Mapping[str, Any]) -> list[str]:
+def lines_of(table: Mapping[str, Plain]) -> list[str]:
     """Return the lines of a table of a scene, without keys that have no value; the value of the key
     "#" becomes a comment.
     """
@@ -327,7 +327,7 @@ def lines_of(table: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def written(value: Any) -> str:
+def written(value: Plain) -> str:
     """Return a value in the notation of a scene."""
     match value:
         case str():

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from signorini_fx.addons.judging.judged_problem import NotJudgedError, SolutionOnMesh
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Plain
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.statement.effect import Load
@@ -32,7 +32,7 @@ class Alternative:
     text: Callable[[float, float], str]  # what to say of a value and its inverse
     start: float  # its value in the problem
     trial: float  # another value, from which its effect is seen
-    entries: Callable[[float], dict[str, Any]]  # of the scene with a value
+    entries: Callable[[float], dict[str, Plain]]  # of the scene with a value
     least: float = -np.inf  # the smallest value
 
 
@@ -180,7 +180,7 @@ def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, An
     return {key: entries}
 
 
-def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
+def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Plain]:
     """Return the materials with one compliance multiplied by a factor; the displacement is nearly
     linear in it.
     """
@@ -188,7 +188,7 @@ def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
     return _changed(scene, "material", number, young=material.young / compliance)
 
 
-def _opened(scene: Scene, number: int, by: float) -> dict[str, Any]:
+def _opened(scene: Scene, number: int, by: float) -> dict[str, Plain]:
     gap = scene.contact[number].gap
     if isinstance(gap, float):
         gap += by

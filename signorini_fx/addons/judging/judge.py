@@ -24,7 +24,7 @@ from signorini_fx.addons.judging.judged_problem import (
     judged_problem,
     read_result,
 )
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, Plain
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.results.certificate.contact_nodes import Tractions
 from signorini_fx.results.files import for_json
@@ -79,7 +79,7 @@ class Judgement:
     name: str
     word: str
     reason: str = ""
-    theirs: Mapping[str, Any] = field(default_factory=dict)
+    theirs: Mapping[str, Plain] = field(default_factory=dict)
     figures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     lost: tuple[str, ...] = ()
     lines: Mapping[str, str] = field(default_factory=dict)

@@ -19,6 +19,7 @@ from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.addons.pictures.results import drawn_fields
 from signorini_fx.addons.pictures.solid import ready_pyvista
 from signorini_fx.addons.pictures.style import INK, VALUES, visible_factor
+from signorini_fx.arrays import Plain
 from signorini_fx.errors import OutputError, PictureError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.results.fields import grid_of, write_vtu
@@ -133,7 +134,7 @@ def _grids(solution: Solution, steps: Sequence[StepResult]) -> list[Unstructured
 
 
 def plotter(
-    solution: Solution, field: str = "", *, times: float | None = None, **options: Any
+    solution: Solution, field: str = "", *, times: float | None = None, **options: Plain
 ) -> Plotter | None:
     """Return a plotter with the deformed body, see ``Solution.plotter``; collective."""
     for grid in _grids(solution, [solution.last_step]):
@@ -149,7 +150,7 @@ def animate(
     field: str = "",
     *,
     times: float | None = None,
-    **options: Any,
+    **options: Plain,
 ) -> None:
     """Write an animation, see ``Solution.animate``; collective."""
     path = Path(file)

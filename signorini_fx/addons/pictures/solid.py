@@ -11,7 +11,8 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -146,21 +147,24 @@ def deformed_solid(
 
 
 def ground_of(foundation: Foundation, factor: float) -> tuple[Array, Ints]:
-    """Return points and polygons of a foundation, counterclockwise as seen from the body; for a
-    plane a rectangle around it.
+    """Return points and polygons of a foundation, counterclockwise as seen from the body.
+
+    A plane becomes a rectangle around the points opposite the nodes, a shape without a magnified
+    gap its own surface, and any other foundation the facets between these points.
     """
     points = foundation.drawn(factor)
-    facets = foundation.facets
-    assert facets is not None
-    away = foundation.normals[facets].sum(axis=1)
+    polygons = foundation.facets
+    assert polygons is not None
+    # The sum of the normals at the corners: from the body into the foundation.
+    away = foundation.normals[polygons].sum(axis=1)
     if (rectangle := _plane_of(points)) is not None:
         points = rectangle
-        facets = np.arange(4)[None]
+        polygons = np.arange(4)[None]
         away = foundation.normals.sum(axis=0)
     elif factor == 1 and foundation.surface is not None:
         return foundation.surface
-    outwards = np.sum(normals_of(points[facets]) * away, axis=1) > 0
-    return points, np.where(outwards[:, None], facets[:, ::-1], facets)
+    clockwise = np.sum(normals_of(points[polygons]) * away, axis=1) > 0
+    return points, np.where(clockwise[:, None], polygons[:, ::-1], polygons)
 
 
 def _plane_of(points: Array) -> Array | None:
@@ -271,7 +275,7 @@ def seen_parts(solid: Solid, camera: Camera, count: int) -> dict[int, Array]:
     return found
 
 
-def ready_pyvista(*, draws: bool = True) -> Any:
+def ready_pyvista(*, draws: bool = True) -> ModuleType:
     """Return the module PyVista; if it ``draws``, ensure that it can.
 
     Raises:

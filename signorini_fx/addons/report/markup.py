@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.arrays import Plain
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine.terminal import printable
 from signorini_fx.tuned import BROAD_PICTURE
@@ -35,7 +36,7 @@ _NOTHING: tuple[Any, ...] = (None, "", [], {}, ())
 
 @cache
 def _templates() -> Environment:
-    def safe(value: Any) -> Any:
+    def safe(value: Plain) -> Plain:
         return (
             printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
         )
@@ -48,7 +49,7 @@ def _templates() -> Environment:
     return environment
 
 
-def rendered(name: str, /, **values: Any) -> Markup:
+def rendered(name: str, /, **values: Plain) -> Markup:
     """Return a template rendered with values."""
     return Markup(_templates().get_template(f"{name}.html").render(values).strip())
 
@@ -63,7 +64,7 @@ def joined(parts: Iterable[Markup]) -> Markup:
     return Markup("").join(parts)
 
 
-def shown(value: Any) -> str:
+def shown(value: Plain) -> str:
     """Return a value as the text of a table cell."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
@@ -102,7 +103,7 @@ def in_text(text: str) -> str:
     return re.sub(r"\b(\d+(?:\.\d+)?)e([+-]\d+)\b", power, text)
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: Plain) -> bool:
     """Return whether a value is a number, or None in a column of numbers."""
     return value is None or (
         isinstance(value, int | float | np.number) and not isinstance(value, bool)
@@ -110,7 +111,7 @@ def is_number(value: Any) -> bool:
 
 
 def table(
-    columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()
+    columns: Sequence[str], rows: Sequence[Sequence[Plain]], classes: Sequence[str] = ()
 ) -> Markup:
     """Return a table that scrolls sideways if it is wider than the page; columns of numbers are
     flush right.

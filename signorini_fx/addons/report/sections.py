@@ -41,7 +41,7 @@ from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 if TYPE_CHECKING:
-    from signorini_fx.arrays import Columns
+    from signorini_fx.arrays import Columns, Plain
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
 _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
@@ -137,7 +137,7 @@ def _sides(summary: Summary) -> tuple[str, str]:
     ), "the body of the boundary" if True in kinds else "the body"
 
 
-def _warnings(summary: Summary) -> list[dict[str, Any]]:
+def _warnings(summary: Summary) -> list[dict[str, Plain]]:
     """Return the warnings about the scene and the result that the advice does not contain."""
     warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
     warnings = [finding for finding in warned if finding["message"] not in summary["advice"]]

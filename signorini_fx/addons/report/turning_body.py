@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.pictures.style import VALUES, visible_factor
 from signorini_fx.addons.report.markup import Markup, rendered
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, Plain
 from signorini_fx.machine.result_files import read_csv
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.tuned import SAME_LENGTH
@@ -70,7 +70,7 @@ def turning_body(summary: Summary, folder: Path) -> Markup:
     return _turning(body)
 
 
-def _turning(body: Mapping[str, Any]) -> Markup:
+def _turning(body: Mapping[str, Plain]) -> Markup:
     """Return the figure of a body that the script draws."""
     script = resources.files(__package__).joinpath("turning_body.js").read_text(encoding="utf-8")
     return rendered("turning_body", data=Markup(json.dumps(body)), script=Markup(script))
@@ -129,7 +129,7 @@ def _files(folder: Path) -> list[tuple[int, str, Path]]:
 
 def _fields_of(
     values: Mapping[str, Array], points: Array, contact: Mapping[str, Array] | None
-) -> dict[str, Any]:
+) -> dict[str, Plain]:
     """Return displacement and fields at the corners of the surface in a load step."""
     scalars = [
         name

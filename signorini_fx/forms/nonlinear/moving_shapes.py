@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, Plain
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -263,7 +263,7 @@ class FiniteRigidMotion(RigidBodyMotion):
 
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
-    ) -> dict[str, Any]:
+    ) -> dict[str, Plain]:
         """Return the entry of a rigid body; its gap is not linearised and has no error."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 

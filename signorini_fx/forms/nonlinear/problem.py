@@ -226,8 +226,8 @@ class NonlinearContactProblem(ProblemOfForms):
         bcs: Sequence[fem.DirichletBC] = (),
         contact: Sequence[Foundation | Pair] | Foundation | Pair = (),
         J: UflOrCompiled | None = None,
-        update: Callable[[], object] | None = None,
-        commit: Callable[[], object] | None = None,
+        update: Callable[[], None] | None = None,
+        commit: Callable[[], None] | None = None,
         kept: Mapping[str, fem.Function] | None = None,
         effects: Sequence[StepEffect] = (),
         petsc_options_prefix: str = "sfx_",
@@ -507,7 +507,7 @@ class NonlinearContactProblem(ProblemOfForms):
         path: LoadPath,
         clock: Clock,
         stored: StoredStates | None,
-        on_step: Callable[[StepResult], object],
+        on_step: Callable[[StepResult], None],
     ) -> Solution:
         way = HalvedIncrements(path)
         self._solver.go_through(path, lambda place: clock(path.time_at(place)), way)

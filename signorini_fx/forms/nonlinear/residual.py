@@ -89,9 +89,7 @@ class Residual:
 
     form: fem.Form
     u: fem.Function
-    update: (
-        Callable[[], object] | None
-    )  # the user's function, called before assembly; None: no state
+    update: Callable[[], None] | None  # the user's function, called before assembly; None: no state
     loads: Array | float = (
         0.0  # additional forces on the body, shape (owned dofs,), or a number for all
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,7 +21,7 @@ from mpi4py import MPI
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.arrays import Array, Indices, Ints
+from signorini_fx.arrays import Array, Indices, Ints, Plain
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 
@@ -107,7 +106,7 @@ class BodyPieces:
             self, bodies=tuple(np.array(list(cells), dtype=object)[whole.argmax(axis=0)])
         )
 
-    def as_rows(self) -> list[dict[str, Any]]:
+    def as_rows(self) -> list[dict[str, Plain]]:
         """Return one row for each piece, ready for JSON."""
         return [
             {

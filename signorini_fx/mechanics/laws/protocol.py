@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
 
-from signorini_fx.arrays import Array, Flags, Integers, Value
+from signorini_fx.arrays import Array, Flags, Integers, Plain, Value
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import is_zero
@@ -146,7 +146,7 @@ class FrictionLaw(Table):
         return self.evaluate(pressure, np.zeros_like(pressure), 1.0)[0]
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+    def __pydantic_init_subclass__(cls, **options: Plain) -> None:
         """Allow parameters as positional arguments in Python, in their order, before the other
         keys.
         """

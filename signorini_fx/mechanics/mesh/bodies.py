@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.arrays import Ints
+from signorini_fx.arrays import Ints, Plain
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.halving import quadratic
@@ -112,7 +112,7 @@ def _named(
     return result
 
 
-def _origin(mesh: MeshFile | MeshGenerator | TaggedMeshBase) -> Mapping[str, Any]:
+def _origin(mesh: MeshFile | MeshGenerator | TaggedMeshBase) -> Mapping[str, Plain]:
     """Return the source of a mesh in the terms of a scene, see ``TaggedMesh``."""
     match mesh:
         case MeshFile():

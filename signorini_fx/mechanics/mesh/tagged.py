@@ -22,7 +22,7 @@ from dolfinx.io import distribute_entity_data
 from mpi4py import MPI
 from scipy.spatial import ConvexHull, QhullError
 
-from signorini_fx.arrays import Array, Flags, Indices, Integers, Ints, matvec
+from signorini_fx.arrays import Array, Flags, Indices, Integers, Ints, Plain, matvec
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.base import JOIN, TaggedMeshBase
@@ -334,7 +334,7 @@ def curvature(tagged: TaggedMesh) -> float:
 
 
 def generate_mesh(
-    name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()
+    name: str, parameters: Mapping[str, Plain], comm: MPI.Comm, sizes: Sizes = ()
 ) -> TaggedMesh:
     """Return the mesh of the generator ``name``, see ``signorini_fx.meshes``; collective.
 

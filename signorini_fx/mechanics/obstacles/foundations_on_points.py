@@ -16,7 +16,7 @@ from dolfinx import fem
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
-from signorini_fx.arrays import Array, Flags, Indices, Ints, Value, diagonal, inner
+from signorini_fx.arrays import Array, Flags, Indices, Ints, Plain, Value, diagonal, inner
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -218,7 +218,7 @@ class Foundations:
         """
         return False
 
-    def place(self, number: int, placement: Mapping[str, Any]) -> None:
+    def place(self, number: int, placement: Mapping[str, Plain]) -> None:
         """Place the shape of a foundation anew: rotation and shift count from its initial place.
 
         Raises:

@@ -22,11 +22,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, Plain
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -216,7 +216,7 @@ class RigidBodyMotion:
 
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Contact], kinematics: Kinematics
-    ) -> dict[str, Any]:
+    ) -> dict[str, Plain]:
         """Return a row of the summary: the motion, the force and moment of the body on it, and
         ``gap_error``; collective.
 

@@ -14,6 +14,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from signorini_fx.errors import SceneError, SignoriniError, check_fenicsx
@@ -67,7 +68,7 @@ _OUT_OF_MEMORY = (
 )
 
 
-def _complain(text: object) -> int:
+def _complain(text: str | Exception) -> int:
     terminal.say([terminal.TerminalLine("signorini-fx: error: ", str(text), "error")], error=True)
     return EXIT_BAD_INPUT
 
@@ -92,7 +93,7 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
     return EXIT_BAD_INPUT if terminal.output_lost() else code
 
 
-def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
+def on_ranks(run: Callable[[MPI.Comm], int], source: Path | None = None) -> int:
     """Run a command on all ranks and return the exit code, whichever way it ends.
 
     Args:
@@ -145,7 +146,7 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
         signal.signal(signal.SIGTERM, handler)
 
 
-def _explained(error: Exception) -> object:
+def _explained(error: Exception) -> str | Exception | None:
     """Return a message if the error is a lack of memory, or an option that PETSc refuses; otherwise
     None.
     """
