@@ -407,7 +407,7 @@ def facets_of(
         if k < len(contact):  # facets of a master may be those of several
             taken |= marked
         if not count:
-            problems.append((name, "there are none"))
+            problems.append((name, "are empty: give at least one"))
         if inside:
             problems.append(
                 (name, f"{inside} of its {count} facets are not on the boundary of the mesh")

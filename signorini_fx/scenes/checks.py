@@ -185,7 +185,7 @@ def _contacts(model: Model) -> list[str]:
         description = f"{effect.kind}, {against}{count} nodes"
         if effect.foundation is not None:
             shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"
-            description += f"; {shape}; at a distance from {_gaps(model, index)}"
+            description += f"; {shape}; at a distance of {_gaps(model, index)}"
         if effect.driven is not None:
             description += "; gap and normals are those of the initial position"
         acting.append(f"contact {effect.boundary} ({description})")
@@ -234,8 +234,8 @@ def _gaps(model: Model, index: int) -> str:
     smallest = -parallel.largest(model.comm, -gaps, -np.inf)
     largest = parallel.largest(model.comm, gaps, -np.inf)
     tiny = NO_FORCE * model.tagged.size
-    extremes = [0.0 if abs(gap) < tiny else gap for gap in (smallest, largest)]
-    return " to ".join(f"{gap:.4g}" for gap in extremes)
+    extremes = [f"{0.0 if abs(gap) < tiny else gap:.4g}" for gap in (smallest, largest)]
+    return " to ".join(dict.fromkeys(extremes))
 
 
 def text_of(check: Check, *, verbose: bool) -> str:

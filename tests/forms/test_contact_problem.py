@@ -462,7 +462,7 @@ def bad(**changes):
             {"contact": "inner"},
             r"contact\[0\].facets: \d+ of its \d+ facets are not on the boundary",
         ),
-        ({"contact": "none"}, r"contact\[0\].facets: there are none"),
+        ({"contact": "none"}, r"contact\[0\].facets: are empty"),
         ({"contact": "far"}, r"contact\[0\].facets: local numbers"),
         ({"contact": "words"}, r"contact\[0\].facets: local numbers"),
         ({"contact": "cells"}, r"contact\[0\].facets: the tags are on entities of dimension 2"),

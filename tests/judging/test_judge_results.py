@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 import signorini_fx as sfx
 from signorini_fx import MeshError
 from signorini_fx.addons.decks.results import read_dat
-from signorini_fx.addons.judging.judge import AGREES, ANOTHER, NOT_TOLD, VIOLATES, judge
+from signorini_fx.addons.judging.judge import AGREES, ANOTHER, UNDECIDED, VIOLATES, judge
 from signorini_fx.addons.judging.judged_problem import SolutionOnMesh, judged_problem
 from signorini_fx.scenes import cli
 
@@ -98,7 +98,7 @@ def test_units_and_single_nodes():
     assert "around node 22" in judgement.reason
     judgement = judge(deck, 0 * u)
     assert (judgement.word, judgement.reason, judgement.exit_code) == (
-        NOT_TOLD,
+        UNDECIDED,
         "nothing moves at all",
         7,
     )
@@ -146,7 +146,7 @@ def test_what_a_result_lacks(tmp_path):
         "\n".join(row for row in text.splitlines() if not row.startswith("        17"))
     )
     judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "some.dat")
-    assert (judgement.word, judgement.exit_code) == (NOT_TOLD, 7)
+    assert (judgement.word, judgement.exit_code) == (UNDECIDED, 7)
     assert "1 nodes have no displacement, such as node 17" in judgement.reason
     (tmp_path / "early.dat").write_text(text.replace("0.1000000E+01", "0.5000000E+00"))
     judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "early.dat")
@@ -315,7 +315,7 @@ def test_materials_that_are_not_linear_are_refused():
     """By their name."""
     scene = shelf(material={"law": "neo-hooke", "young": 1.0, "poisson": 0.3})
     judgement = judge(scene, np.ones((65, 2)))
-    assert (judgement.word, judgement.exit_code) == (NOT_TOLD, 7)
+    assert (judgement.word, judgement.exit_code) == (UNDECIDED, 7)
     assert judgement.reason == "materials that are not linear are not judged"
 
 

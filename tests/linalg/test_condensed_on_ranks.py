@@ -26,7 +26,7 @@ SCENES = {
 def test_one_body(name):
     """Sets, tractions, energy, certificate."""
     found = agree(SCENES[name])
-    assert same_on_all_ranks(found.linear_algebra) == "condensed: as asked for"
+    assert same_on_all_ranks(found.linear_algebra) == "condensed: as requested"
 
 
 def test_a_rank_that_cannot_condense(monkeypatch):

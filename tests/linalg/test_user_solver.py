@@ -60,7 +60,7 @@ def test_same_answer(register, monkeypatch, kind):
         for name in (kind, "full")
     )
     assert theirs.converged
-    assert theirs.linear_algebra == f"{kind}: as asked for"
+    assert theirs.linear_algebra == f"{kind}: as requested"
     assert theirs.history.linear_solves == ours.history.linear_solves
     pressures = [solution.table.columns["pressure"] for solution in (theirs, ours)]
     assert np.allclose(*pressures, rtol=0, atol=1e-7 * np.abs(pressures[1]).max())

@@ -9,7 +9,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 
-from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Scene, solve, write_results
 
 CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
 
@@ -93,3 +93,19 @@ def test_what_a_nonlinear_body_does_not_have():
     assert solution.force_bounds("bottom", (0.0, 1.0)) == "a nonlinear body has no guaranteed bound"
     with pytest.raises(RuntimeError, match="is in its residual alone"):
         solution.stress  # noqa: B018
+
+
+def test_pictures_of_halved_steps(tmp_path):
+    """A scene of one load step has no steps.csv, also where the step had to be halved."""
+    scene = Scene(
+        mesh={"generator": "rectangle", "parameters": {"length": 10.0, "nx": 10, "ny": 2}},
+        material={"law": "neo-hooke", "young": 1000.0, "poisson": 0.3},
+        displacement={"boundary": "left", "x": 0.0, "y": 0.0},
+        traction={"boundary": "right", "x": -20.0, "y": 0.01},
+        contact={"boundary": "bottom", "gap": 0.5},
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    assert len(solution.steps) > 1
+    findings = write_results(solution, tmp_path / "column", fields=False)["findings"]
+    assert {finding["path"] for finding in findings} == {"contact[0]"}
+    assert (tmp_path / "column" / "deformed.png").is_file()

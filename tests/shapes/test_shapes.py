@@ -431,7 +431,7 @@ def test_a_scene():
     assert size[0] == pytest.approx(size[1], rel=1e-12)
     assert energy[0] == pytest.approx(energy[1], rel=1e-12)
     told = "; ".join(check_scene(scene(GROUND)).acts)
-    assert "plane, point = [0, -0.01], normal = [0, 1]; at a distance from 0.01 to 0.01" in told
+    assert "plane, point = [0, -0.01], normal = [0, 1]; at a distance of 0.01" in told
 
 
 @pytest.mark.parametrize(

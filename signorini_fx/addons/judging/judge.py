@@ -42,7 +42,7 @@ from signorini_fx.tuned import (
 AGREES = "agrees within the error of the mesh"
 ANOTHER = "another problem"
 VIOLATES = "violates "
-NOT_TOLD = "cannot be told"
+UNDECIDED = "undecided"
 # With reduced integration there are as many points as with cells twice as large, on which the error
 # is so much larger, and that of displacements and forces by its square.
 _COARSER = 2.0
@@ -67,7 +67,7 @@ class Judgement:
     Attributes:
         name: name of the result.
         word: ``agrees within the error of the mesh``, ``another problem``, ``violates`` supports,
-            equilibrium, penetration, tension, complementarity or friction, or ``cannot be told``.
+            equilibrium, penetration, tension, complementarity or friction, or ``undecided``.
         reason: why, in words; "" if the word says all.
         theirs: program, time and digits of the result.
         figures: value and threshold of each figure by name: shares of the energy norm, of the
@@ -95,7 +95,7 @@ class Judgement:
         input file, 5 it solves another problem, 6 it violates the problem, 7 no verdict is
         possible.
         """
-        return {AGREES: 4 if self.lost else 0, ANOTHER: 5, NOT_TOLD: 7}.get(self.word, 6)
+        return {AGREES: 4 if self.lost else 0, ANOTHER: 5, UNDECIDED: 7}.get(self.word, 6)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the judgement as plain data for JSON."""
@@ -140,7 +140,7 @@ def judge(problem: object, result: object) -> Judgement:
     try:
         word, reason = _of_another_time(stated, theirs) or judging.verdict()
     except NotJudgedError as missing:
-        word = NOT_TOLD
+        word = UNDECIDED
         reason = str(missing)
     lines = {**judging.lines, "effort": f"{time.perf_counter() - begun:.1f} s"}
     return Judgement(theirs.name, word, reason, about, judging.figures, stated.lost, lines)
@@ -301,12 +301,12 @@ class _Judging:
             return self._strained_alike()
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
             return (
-                NOT_TOLD,
+                UNDECIDED,
                 "ADJUST moves nodes, and the result belongs to the adjusted mesh",
             )
         if self.problem.lost:
             return (
-                NOT_TOLD,
+                UNDECIDED,
                 "it is not a result of the problem as read, which lacks what is listed below",
             )
         if distance <= allowed:
@@ -314,7 +314,7 @@ class _Judging:
         worst = self._worst()
         if distance <= farthest and self._value(worst) <= self._most(worst):
             return (
-                NOT_TOLD,
+                UNDECIDED,
                 "it is less accurate than ours, yet no more than elements with fewer points may be",
             )
         if self._value(worst) > allowed / size:
@@ -336,7 +336,7 @@ class _Judging:
             return self._violates(worst)
         if excess:
             cause = "no single load, modulus, gap or friction explains it"
-            return NOT_TOLD, f"strains are ours, but not the {self._said(excess)}: {cause}"
+            return UNDECIDED, f"strains are ours, but not the {self._said(excess)}: {cause}"
         return AGREES, ""
 
     def _worst(self, *but: str) -> str:

@@ -98,7 +98,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         requested: as for ``choose_system``.
     """
     if requested not in ("auto", "full", "condensed"):
-        return requested, "as asked for"
+        return requested, "as requested"
     if size.retained and not size.held:
         return (
             "full",
@@ -107,7 +107,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
     if size.enclosed:
         return "full", "contact and supports enclose the incompressible body"
     if requested == "condensed" and cannot_condense(size) is None:
-        return "condensed", "as asked for"
+        return "condensed", "as requested"
     if not can_factorise(size.comm):
         return "krylov", "PETSc has no factorisation for more than one rank"
     against = against_condensing(size)

@@ -75,7 +75,9 @@ class NonlinearMechanics(Mechanics):
     boundaries: Mapping[str, Indices]  # facets of the named parts of the boundary
     # Errors at the last load step, with or without those of the strain, see
     # ``NonlinearContactProblem._errors_now``.
-    errors_now: Callable[[bool], tuple[Array, Norms] | str] = lambda strain: "it is not asked yet"
+    errors_now: Callable[[bool], tuple[Array, Norms] | str] = lambda strain: (
+        "it is not computed yet"
+    )
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact

@@ -581,7 +581,7 @@ class Conduction(StepEffect):
             growing = 0.0 if turns is None else turns.values[3]
             cure = "take shorter load steps"
             if growing >= 1.0:
-                reason = f"a turn of contact and heat multiplies a change by {growing:.3g}"
+                reason = f"each repetition of contact and heat multiplies a change by {growing:.3g}"
                 reason += f": {cure}" * conductor.stores
                 return Status.RUNS_AWAY, Finding("warning", "heat", reason)
             reason = f"a turn still changes temperatures by {unsettled:.1g} of their range"

@@ -454,6 +454,8 @@ class MidpointRule(StepEffect):
             work += float(mean_loads(rigid, state, ended.loads.drives) @ driven)
         pressed, lost = self._contact_work(state, new, ended)
         supported = self._support_work(step, ended)
+        # The change of the energies before contact takes any is the work of loads and supports less
+        # that of the contact forces.
         change = unheld - before + energies["strain_energy"] - strain(state)
         largest = max(float(new.fields["energy"].values[0]), abs(work), abs(pressed))
         error = change - work - supported + pressed

@@ -237,18 +237,22 @@ class SlidingPieces:
         size = dim * self.blocks.shape[1]
         last = size - dim * self.turns.shape[2]
         first = last - dim * self.slope.shape[3]  # of vectors of the master
+        # A mixed derivative stands once in ``half``, whose transpose has the other order.
         half = np.zeros((pieces.size, size, size))
+        # The change of the parameters of the projected point on the master, one for each.
         shifts = [-self._rows(share, dual[pieces], dual[pieces]) for dual in self.dual]
+        # The direction of projection turns while the distance changes.
         turning = _along(self.turns[pieces] * forces[..., None], across)
         half[:, :, last:] = np.matmul(self._rows(share, facing, across).swapaxes(1, 2), turning)
+        # The projected point shifts while the tangents of the master change.
         for k, shift in enumerate(shifts):
             along = _along(self.slope[k, pieces] * forces[..., None], facing)
             half[:, first:last] -= np.matmul(along.swapaxes(1, 2), shift)
         total = half + half.swapaxes(1, 2)
-        if self.curved.any():
+        if self.curved.any():  # the projected point shifts along a curved facet
             scaled = (forces * self.curved[pieces])[..., None] * shifts[0]
             total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
-        if shears.any():
+        if shears.any():  # the shear of the projected point acts on other nodes of the master
             for k, shift in enumerate(shifts):
                 total[:, first:last] -= np.matmul(
                     _along(self.slope[k, pieces], shears).swapaxes(1, 2), shift
