@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection
-from signorini_fx.arrays import Plain
 from signorini_fx.addons.decks.text import NO_BODY_PART, DeckBlock, DeckError, parameter, real
+from signorini_fx.arrays import Plain
 
 _NOT_YET_NONLINEAR = "a nonlinear material is not possible yet"
 _FIRST_LINE = "constants that depend on temperature: the first line is taken"
