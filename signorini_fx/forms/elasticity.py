@@ -17,11 +17,13 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
+from ufl.algorithms.analysis import extract_type
+from ufl.geometry import GeometricQuantity
 
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import FormError
-from signorini_fx.forms.given_forms import Energy, GivenForms, Law
+from signorini_fx.forms.given_forms import Energy, GivenForms, Law, UflOrCompiled
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -472,13 +474,40 @@ def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, 
 
 
 def natural_modulus(
-    law: Law | None, a: ufl.Form, measures: set[Expr], space: fem.FunctionSpace
+    law: Law | None, a: UflOrCompiled | None, measures: set[Expr], space: fem.FunctionSpace
 ) -> float | None:
     """Return Young's modulus of the stiffest cell, the natural unit of stress, or None if the
     material is not isotropic or the forms cannot be evaluated; collective.
 
-    It follows from the stress law, or from the form divided by the measure of the contacts.
+    It follows from the stress law, or from the form divided by the measure of the contacts.  A form
+    of numbers alone has the same modulus on each mesh, so that of the last one is kept.
     """
+    numbers = None if law is not None or measures else _numbers_of(a)
+    if parallel.any_rank(space.mesh.comm, numbers is None or numbers not in _last_modulus):
+        modulus = _modulus_of_cells(law, a, measures, space)
+        _last_modulus.clear()
+        if numbers is not None:
+            _last_modulus[numbers] = modulus
+        return modulus
+    assert numbers is not None
+    return _last_modulus[numbers]
+
+
+_last_modulus: dict[tuple[str, bytes], float | None] = {}  # by ``_numbers_of`` a form
+
+
+def _numbers_of(a: UflOrCompiled | None) -> tuple[str, bytes] | None:
+    """Return the signature of a form and the values of its Constants; None if it depends on
+    anything else, such as Functions or the position.
+    """
+    if not isinstance(a, ufl.Form) or a.coefficients() or extract_type(a, GeometricQuantity):
+        return None
+    return a.signature(), b"".join(constant.value.tobytes() for constant in a.constants())
+
+
+def _modulus_of_cells(
+    law: Law | None, a: UflOrCompiled | None, measures: set[Expr], space: fem.FunctionSpace
+) -> float | None:
     mesh = space.mesh
     dim = space.mesh.geometry.dim
     if law is not None and not measures:
@@ -489,7 +518,9 @@ def natural_modulus(
             return None
         energy = _energy_by(law, at_rest)
     else:
-        integrals = a.integrals_by_type("cell") if isinstance(a, ufl.Form) else ()
+        if not isinstance(a, ufl.Form):
+            return None
+        integrals = a.integrals_by_type("cell")
         everywhere = all(integral.subdomain_id() == "everywhere" for integral in integrals)
         # With several measures it is unknown which one multiplies the energy.
         if not integrals or is_section(mesh) or not everywhere or len(measures) > 1:
