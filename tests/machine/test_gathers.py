@@ -1,68 +1,49 @@
 """What ranks send to each other: nothing of the size of the body, messages of any size."""
 
-import sys
-import tomllib
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import solve, write_results
+from benchmarks.costs.ranks import block, pair, solved
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import largest_distance
-from signorini_fx.scenes.reading import parse_scene
 
-BLOCK = """
-mesh = { generator = "box", parameters = { nx = NX, ny = NY, nz = NZ } }
-material = { young = 5000.0, poisson = 0.3 }
-displacement = { boundary = "top", x = 0.002, y = 0.0, z = -0.01 }
-contact = { boundary = "bottom", friction = { law = "coulomb", coefficient = 0.3 } }
-solver = { linear_algebra = "krylov" }
-"""
 # They grow with the surface of the body, as what is in contact does, and not with its volume.
 OF_SIZE = 5.0
 
 
-def bytes_by_caller(monkeypatch, solved):
-    """Return the bytes of all ranks' rows by the place from where they are gathered."""
-    sent = Counter()
-    with monkeypatch.context() as patch:
-        for name in ("gather_rows", "rows_on_root"):
-            gather = getattr(parallel, name)
-
-            def counted(comm, rows, gather=gather):
-                code = sys._getframe(1).f_code
-                sent[f"{code.co_filename.rpartition('signorini_fx/')[2]} {code.co_name}"] += (
-                    comm.allreduce(np.asarray(rows).nbytes)
-                )
-                return gather(comm, rows)
-
-            patch.setattr(parallel, name, counted)
-        solved()
-    return sent
+def received(scene, folder):
+    """The bytes that a rank receives for a solution with results, by the place that asks."""
+    return solved(scene, Path(MPI.COMM_WORLD.bcast(str(folder))))[1]
 
 
 @pytest.mark.mpi
-def test_nothing_of_the_size_of_the_body(monkeypatch, tmp_path):
+def test_nothing_of_the_size_of_the_body(tmp_path):
     """Eight times the cells, four times the points in contact: from no place are more than about
     four times as many bytes sent.
     """
-    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path)))
-
-    def sent(n):
-        text = BLOCK.replace("NX", str(3 * n)).replace("NY", str(n)).replace("NZ", str(n))
-
-        def solved():
-            write_results(solve(parse_scene(tomllib.loads(text))), folder / str(n), pictures=False)
-
-        return bytes_by_caller(monkeypatch, solved)
-
-    coarse, fine = sent(3), sent(6)
+    coarse, fine = (received(block(cells), tmp_path / str(cells)) for cells in (3, 6))
     grown = {place: fine[place] / coarse[place] for place in coarse if coarse[place]}
-    assert coarse
+    assert coarse or MPI.COMM_WORLD.size == 1
     assert {place: ratio for place, ratio in grown.items() if ratio > OF_SIZE} == {}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["kept", "sliding"])
+def test_nothing_of_the_size_of_two_bodies(law, tmp_path):
+    """Sides that slide or keep their partners: three times the unknowns with the same points, and
+    2.2 times the surface, or four times the points.
+    """
+    thin, thick, wide = (
+        received(pair(cells, layers, **law), tmp_path / f"{cells} {layers}")
+        for cells, layers in ((4, 1), (4, 5), (8, 1))
+    )
+    assert ("mechanics/pairs/pair_side.py rows" in thin) == (MPI.COMM_WORLD.size > 1)
+    for other, most in ((thick, 2.5), (wide, OF_SIZE)):
+        grown = {place: other[place] / thin[place] for place in thin if thin[place]}
+        assert {place: ratio for place, ratio in grown.items() if ratio > most} == {}
 
 
 @pytest.mark.mpi
