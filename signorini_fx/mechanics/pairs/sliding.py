@@ -136,7 +136,10 @@ class SlidingCoupling:
         stiffness = self.pieces.stiffness(forces)
         if parallel.any_rank(self.pieces.tested.sharing.comm, shear):
             turns = self._turning(shears).T.tocsr() @ self.normal_rows
-            stiffness = stiffness - turns - turns.T
+            # One after another, as each is larger than the stiffness.
+            stiffness = stiffness - turns
+            turns = turns.T.tocsr()
+            stiffness = stiffness - turns
         return sp.csr_array(stiffness)
 
     def _turning(self, along: Array) -> sp.csr_array:

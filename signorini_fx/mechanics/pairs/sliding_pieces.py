@@ -118,7 +118,7 @@ class SlidingPieces:
         overlap = tested.overlap
         dim = slave.dimension
         first = len(slave.x)
-        projection = Projection.of(slave, directions)
+        projection = Projection.of(slave, directions, np.unique(overlap.slave))
         total = first + len(master.x)
         turning = projection.turning
         themselves = np.arange(dim * total)
@@ -277,8 +277,8 @@ class SlidingPieces:
         """
         columns = components(self.blocks, self.facing.shape[2])
         integrals = self.tested.overlap.of_pairs(entries)
-        rows = mean @ in_rows(integrals, columns, self.spread.shape[0])
-        return self.tested.sharing.rows(rows, self.points) @ self.spread
+        rows = mean @ in_rows(integrals, columns, self.spread.shape[0]) @ self.spread
+        return self.tested.sharing.rows(rows, self.points)
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ class Projection:
 
     In 2D N is interpolated between the directions at the nodes of a facet, which turn with the
     nodal normals.  In 3D N is constant on a facet, as in ``overlap``, and turns with the slave
-    around its nodes.
+    around its nodes; other ranks' facets have no vectors.
 
     Attributes:
         vectors: unit vectors, shape (v, d).
@@ -300,25 +300,30 @@ class Projection:
     turning: sp.csr_array
 
     @classmethod
-    def of(cls, slave: PairSurface, directions: Array) -> Projection:
+    def of(cls, slave: PairSurface, directions: Array, facets: Ints) -> Projection:
         """Return the projection of a slave side.
 
-        ``directions``: unit directions of projection at its nodes, shape (N, d).
+        Args:
+            slave: the side.
+            directions: unit directions of projection at its nodes, shape (N, d).
+            facets: in 3D the facets that have vectors.
         """
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
             return cls(directions, slave.nodes, turned_normals(slave, turned_too=turns))
-        facets = len(slave.nodes)
+        numbers = np.zeros((len(slave.nodes), 1), dtype=np.int64)
+        numbers[facets, 0] = np.arange(facets.size)
         shape = slave.functions.values(slave.functions.parts[0].mean(axis=0))
-        sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
-        length = np.linalg.norm(sums, axis=1)
-        ways = sums / length[:, None]
-        mean = in_rows(np.tile(shape, (facets, 1, 1)), slave.nodes, len(slave.x))
-        across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
-        turning = sp.csr_array(turning_of(slave.around, (slave.x,), (directions,)))
-        return cls(
-            ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning
-        )
+        nodes, corners = np.unique(slave.nodes[facets], return_inverse=True)
+        mean = in_rows(np.tile(shape, (facets.size, 1, 1)), corners, nodes.size)
+        directions = directions[nodes]
+        sums = mean @ directions
+        length = np.linalg.norm(sums, axis=1)[:, None]
+        ways = sums / length
+        across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[..., None]
+        around = sp.csr_array(slave.around[nodes])
+        turning = sp.csr_array(turning_of(around, (slave.x,), (directions,)))
+        return cls(ways, numbers, along_vectors(across, in_blocks(mean, 3)) @ turning)
 
     def at(self, facets: Ints, shape: Array) -> tuple[Array, Array]:
         """Return N at points of facets, shape (m, q, d), and the coefficients of the vectors in dN
@@ -463,7 +468,7 @@ def _on_edges(
     length.
     """
     corners = slave.corners[facet][:, slave.functions.vertices]
-    ways = projection.vectors[facet]
+    ways = projection.vectors[projection.numbers[facet, 0]]
     middle = corners.mean(axis=1)
     axes = axes_across(ways)
     flat, line = (
