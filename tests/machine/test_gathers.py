@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from benchmarks.costs.ranks import block, pair, solved
+from benchmarks.costs.bytes_of_ranks import block, pair, solved
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import largest_distance
 

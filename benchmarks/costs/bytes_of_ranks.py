@@ -1,6 +1,6 @@
 """What each rank receives and holds, on as many ranks as this program has.
 
-    ./env mpirun -n 4 python3 benchmarks/costs/ranks.py block file pair sliding [--cells N]
+    ./env mpirun -n 4 python3 benchmarks/costs/bytes_of_ranks.py block file pair sliding [--cells N]
 
 block, file: a block of hexahedra with results, from its generator or from a file of dolfinx.
 pair, sliding: two blocks; with the linear law, or nonlinear and with large slips.
