@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy.typing as npt
 from dolfinx import fem
 from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     import ufl
     from ufl.core.expr import Expr
 
-    from signorini_fx.arrays import Array, Plain
+    from signorini_fx.arrays import Array
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
     from signorini_fx.mechanics.contact_points.scalar_map import ScalarMap
@@ -180,7 +181,7 @@ class ProblemOfForms:
         """See ``State.save``."""
         return self.assembled.points()
 
-    def place(self, number: int, **placement: Plain) -> None:
+    def place(self, number: int, **placement: npt.ArrayLike | None) -> None:
         """Shift and turn a foundation that has a shape, or change the forces that drive it, for the
         next solve and all later ones.
 
@@ -309,7 +310,7 @@ class ProblemOfForms:
         pictures: bool | Sequence[str] = True,
         pdf: bool = False,
         report: bool = False,
-    ) -> dict[str, Plain]:
+    ) -> dict[str, Any]:
         """Write the result folder of the last solution, with the same files as for a scene;
         collective.
 

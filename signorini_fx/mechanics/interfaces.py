@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy.typing as npt
 
-from signorini_fx.arrays import Array, Expr, Indices, Plain, Value
+from signorini_fx.arrays import Array, Expr, Indices, Value
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.effect import ContactPart
 from signorini_fx.mechanics.statement.rigid_shape import SignedDistance
@@ -90,7 +90,7 @@ class Foundation(_OfKind):
     friction: FrictionLaw | None = None
     kind: Kind = "unilateral"
     measure: Expr | None = None
-    shape: SignedDistance | Mapping[str, Plain] | None = None
+    shape: SignedDistance | Mapping[str, npt.ArrayLike] | None = None
     wear: ContactPart | None = None
     cohesion: ContactPart | None = None
     against: ClassVar[None] = None

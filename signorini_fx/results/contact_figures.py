@@ -7,7 +7,7 @@ round-off: there the relevant figure is the moment of friction about the middle 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from dolfinx import fem
@@ -78,7 +78,7 @@ def contact_figures(
                 friction_force=(resultant + 0.0).tolist(),
                 max_pressure=parallel.largest(comm, pressure[nodes], -np.inf),
                 tangential_force=tangential,
-                **_slip_speed(contact, on_part),
+                slip_speed=_slip_speed(contact, on_part),
                 friction_limit=limit,
                 friction_moment=moment,
                 moment_limit=moment_limit,
@@ -140,17 +140,17 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
     return figures
 
 
-def _slip_speed(contact: ContactState, on_part: Flags) -> dict[str, Any]:
-    """Return the smallest and largest ``slip_speed`` of slipping points where friction depends on
-    the speed, and otherwise nothing.  Collective.
+def _slip_speed(contact: ContactState, on_part: Flags) -> list[float | None] | None:
+    """Return the smallest and largest speed of slipping points where friction depends on the
+    speed; None where it does not, or where no point slips.  Collective.
     """
     if contact.speed is None:
-        return {}
+        return None
     slips = on_part & contact.in_contact & np.any(contact.direction != 0, axis=1)
     speeds = contact.speed[slips]
     largest = parallel.largest(contact.boundary.comm, speeds, -np.inf)
     least = -parallel.largest(contact.boundary.comm, -speeds, -np.inf)
-    return {"slip_speed": [least, largest] if largest >= 0 else None}
+    return [least, largest] if largest >= 0 else None
 
 
 def _moment_about_middle(

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import basix
@@ -440,11 +441,13 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
     columns = table.columns
     row = int(np.argmax(columns["pressure"]))
     value = float(columns["pressure"][row])
-    place = [round(float(columns[axis][row]), 9) + 0.0 for axis in "xyz" if axis in columns]
-    known: dict[str, Any] = {"value": value, "place": place}
+    place: list[float | None] = [
+        round(float(columns[axis][row]), 9) + 0.0 for axis in "xyz" if axis in columns
+    ]
+    printed = partial(PrintedNumber, value=value, place=place)
     price = solved_price(solution)
     if price is not None and price.peak is not None:
-        return PrintedNumber(**known, error=MARGIN * price.peak * value)
+        return printed(error=MARGIN * price.peak * value)
     kink = _kink(table, row)
     error = solution.mean_error
     width = MARGIN * kink if isinstance(error, str) else max(kink, error**2)
@@ -452,16 +455,16 @@ def _largest_pressure(solution: Any) -> PrintedNumber:
         width += MARGIN * solution.certificate.penetration
     if table.touching < _TOO_FEW:
         width = max(width, 1 / (1 + table.touching))
-        return PrintedNumber(**known, error=width * value, why=_few_nodes(table))
+        return printed(error=width * value, why=_few_nodes(table))
     if (reason := solution.no_limit_of_pressure) is not None:
-        return PrintedNumber(**known, why=f"has no finite value: {reason}")
+        return printed(why=f"has no finite value: {reason}")
     if at := _near_a_corner(solution):
-        return PrintedNumber(**known, why=f"error not known: it may have no limit at {at}")
+        return printed(why=f"error not known: it may have no limit at {at}")
     if row in growing_rows(table) and kink > _GROWS:
-        return PrintedNumber(**known, why="error not known: still growing towards the end")
+        return printed(why="error not known: still growing towards the end")
     if kink >= _UNRESOLVED:
-        return PrintedNumber(**known, why=f"not resolved: {100 * kink:.0f} % to the next node")
-    return PrintedNumber(**known, error=width * value)
+        return printed(why=f"not resolved: {100 * kink:.0f} % to the next node")
+    return printed(error=width * value)
 
 
 def _few_nodes(table: ContactTable) -> str:

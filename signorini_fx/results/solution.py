@@ -164,12 +164,12 @@ class Solution:
         alone = self.comm.size == 1 or "_summary" in vars(self)
         return short_answer(self._summary) if alone else []
 
-    def summary(self) -> dict[str, Plain]:
+    def summary(self) -> dict[str, Any]:
         """Return the figures that ``write_results`` writes into summary.json; collective."""
         return self._summary
 
     @cached_property
-    def _summary(self) -> dict[str, Plain]:
+    def _summary(self) -> dict[str, Any]:
         return signorini_fx.write_results(self, None)
 
     @property

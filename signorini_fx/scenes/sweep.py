@@ -27,6 +27,7 @@ from signorini_fx.machine import manifest, parallel
 from signorini_fx.machine.display import dataframe
 from signorini_fx.machine.result_files import write_csv
 from signorini_fx.mechanics.body.discretisation import with_gap_and_friction
+from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import ResultFolder
@@ -66,7 +67,7 @@ FIGURES = (
 
 def sweep(
     scene: Scene | str | Path,
-    entries: Mapping[str, Iterable[Plain]],
+    entries: Mapping[str, Iterable[Plain | Table]],
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Sweep:
     """Solve a scene for each combination of values of its entries, one at each step of the
@@ -104,7 +105,7 @@ class Sweep(Iterator[Solution]):
     """
 
     def __init__(
-        self, scene: Scene, changes: Sequence[Mapping[str, Plain]], comm: MPI.Comm
+        self, scene: Scene, changes: Sequence[Mapping[str, Plain | Table]], comm: MPI.Comm
     ) -> None:
         self._solved = zip(changes, solutions_of(scene, changes, comm), strict=True)
 
@@ -122,7 +123,7 @@ class Sweep(Iterator[Solution]):
         return dataframe([row_of(values, solution) for values, solution in self._solved])
 
 
-def combinations(entries: Mapping[str, Iterable[Plain]]) -> list[dict[str, Plain]]:
+def combinations(entries: Mapping[str, Iterable[Plain | Table]]) -> list[dict[str, Plain | Table]]:
     """Return all combinations of values, each as a dictionary by the paths of the entries."""
     if not isinstance(entries, Mapping):
         raise TypeError("entries: a dictionary of values by paths is expected")
@@ -130,7 +131,7 @@ def combinations(entries: Mapping[str, Iterable[Plain]]) -> list[dict[str, Plain
 
 
 def solutions_of(
-    scene: Scene, changes: Sequence[Mapping[str, Plain]], comm: MPI.Comm
+    scene: Scene, changes: Sequence[Mapping[str, Plain | Table]], comm: MPI.Comm
 ) -> Iterator[Solution]:
     """Yield the solution of a scene for each change of its entries; all changes are validated
     first.
@@ -210,7 +211,7 @@ class SweepFolder(ResultFolder):
         comm: MPI.Comm,
         path: Path,
         scene: Scene,
-        changes: Sequence[Mapping[str, Plain]],
+        changes: Sequence[Mapping[str, Plain | Table]],
     ) -> None:
         super().__init__(comm, path, (_TABLE, _STORED))
         self._changes = changes
@@ -284,14 +285,14 @@ class SweepFolder(ResultFolder):
         return list(stored["rows"])
 
 
-def _written(solution: Solution, point: tuple[Scene, Mapping[str, Plain], Path]) -> Row:
+def _written(solution: Solution, point: tuple[Scene, Mapping[str, Plain | Table], Path]) -> Row:
     """Write the result of a combination, and return its row; collective."""
     _, change, folder = point
     write_results(solution, folder, fields=False, pictures=False)
     return row_of(change, solution)
 
 
-def _solved_alone(point: tuple[Scene, Mapping[str, Plain], Path]) -> Row:
+def _solved_alone(point: tuple[Scene, Mapping[str, Plain | Table], Path]) -> Row:
     """Solve a combination in a separate process, and return its row."""
     scene, change, _ = point
     (solution,) = solutions_of(scene, [change], MPI.COMM_SELF)

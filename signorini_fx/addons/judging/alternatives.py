@@ -4,7 +4,7 @@ different.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -13,16 +13,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from signorini_fx.addons.judging.judged_problem import NotJudgedError, SolutionOnMesh
-from signorini_fx.arrays import Array, Plain
+from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import NoFriction
-from signorini_fx.mechanics.statement.effect import Load
+from signorini_fx.mechanics.statement.effect import Effect, Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import JUDGED_INCREMENTS, NOTABLE
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Contact
+
+
+# Entries of a scene by their keys.
+Entries = Mapping[str, Effect | Sequence[Effect]]
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Alternative:
     text: Callable[[float, float], str]  # what to say of a value and its inverse
     start: float  # its value in the problem
     trial: float  # another value, from which its effect is seen
-    entries: Callable[[float], dict[str, Plain]]  # of the scene with a value
+    entries: Callable[[float], Entries]  # of the scene with a value
     least: float = -np.inf  # the smallest value
 
 
@@ -139,7 +143,7 @@ def _of_friction(scene: Scene, number: int, contact: Contact) -> Iterator[Altern
         return
     start = float(law[key])
 
-    def entries(value: float) -> dict[str, Any]:
+    def entries(value: float) -> Entries:
         return _changed(
             scene, "contact", number, friction={**law, key: value} if value > 0 else NoFriction()
         )
@@ -157,9 +161,9 @@ def _named(key: str, number: int, scene: Scene) -> str:
     return f"{entry.label.replace('_', ' ')} {number + 1}" + (f" on {where}" if where else "")
 
 
-def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dict[str, Any]:
+def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> Entries:
     """Return the entries of a scene in which some loads are ``value`` times as large."""
-    entries: dict[str, Any] = {}
+    entries: dict[str, Sequence[Effect]] = {}
     for key, number in loads:
         several = list(entries.get(key, scene.statement.effects[key]))
         factors = several[number].factors or (1.0,) * scene.statement.steps
@@ -173,14 +177,14 @@ def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dic
     }
 
 
-def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, Any]:
+def _changed(scene: Scene, key: str, number: int, **values: Any) -> Entries:
     """Return one list of a scene with other values in one of its entries, by its key."""
     entries = list(getattr(scene, key))
     entries[number] = entries[number].remade(**values)
     return {key: entries}
 
 
-def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Plain]:
+def _softer(scene: Scene, number: int, compliance: float) -> Entries:
     """Return the materials with one compliance multiplied by a factor; the displacement is nearly
     linear in it.
     """
@@ -188,7 +192,7 @@ def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Plain]:
     return _changed(scene, "material", number, young=material.young / compliance)
 
 
-def _opened(scene: Scene, number: int, by: float) -> dict[str, Plain]:
+def _opened(scene: Scene, number: int, by: float) -> Entries:
     gap = scene.contact[number].gap
     if isinstance(gap, float):
         gap += by

@@ -11,12 +11,13 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
-from signorini_fx.arrays import Array, Flags, Indices, Ints, Plain, Value, diagonal, inner
+from signorini_fx.arrays import Array, Flags, Indices, Ints, Value, diagonal, inner
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -218,7 +219,7 @@ class Foundations:
         """
         return False
 
-    def place(self, number: int, placement: Mapping[str, Plain]) -> None:
+    def place(self, number: int, placement: Mapping[str, npt.ArrayLike | None]) -> None:
         """Place the shape of a foundation anew: rotation and shift count from its initial place.
 
         Raises:
