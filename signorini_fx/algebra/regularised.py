@@ -244,9 +244,7 @@ class RegularisedProblem:
         f.axpy(-1.0, self.system.load)
         self.system.contact.add_forces(pressure, shear, f)
 
-    def assemble_jacobian(
-        self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat | None = None
-    ) -> None:
+    def assemble_jacobian(self, jacobian: PETSc.Mat) -> None:
         """Assemble the Jacobian with the sets of the last residual, which become the
         current ones.
         """

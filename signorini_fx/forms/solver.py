@@ -396,18 +396,21 @@ class FormSolver(BodyOfForms):
         anew = renewed or changed["points"]
         if anew:
             self._set_up(shapes, renewed=renewed)
-        elif changed["loads"]:
-            self.task.system.set_case(0, self._case(driven))
         of_body = self.settings, self.elastic.scales
         data, law = foundations.problem(self.boundary, foundations.data(shapes), *of_body)
         pairs = foundations.pairs
         self.elastic = replace(self.elastic, data=data, law=law, pairs=pairs, rigid=rigid)
-        if anew:
-            case = self._case(driven)
-            self.task = self.elastic.task(
-                [case], np.ones(1), coarser=self.coarser, history=self.history
-            )
-            self.outdated = True
+        if anew or changed["loads"]:
+            values = self.prescribed[1]
+            forces = assemble(self.forms.compiled[1])
+            case = case_of(self.elastic, forces, values, driven, values)
+            if anew:
+                self.task = self.elastic.task(
+                    [case], np.ones(1), coarser=self.coarser, history=self.history
+                )
+                self.outdated = True
+            else:
+                self.task.system.set_case(0, case)
         self._inputs_before = now
 
     def _inputs(
@@ -457,15 +460,6 @@ class FormSolver(BodyOfForms):
             eliminated = self.task.system.eliminated
             elastic = replace(self.elastic, boundary=points, eliminated=eliminated)
         self.elastic = with_modulus(elastic, boundary, self._natural, self.foundations.facets)
-
-    def _case(self, driven: Driven) -> LoadCase:
-        """Return the right-hand side; collective.
-
-        Args:
-            driven: forces and prescribed motions of the rigid bodies.
-        """
-        values = self.prescribed[1]
-        return case_of(self.elastic, assemble(self.forms.compiled[1]), values, driven, values)
 
     def _body(self, fixed: Flags, points: ContactBoundary | None) -> Model:
         stated = body = elastic_body(

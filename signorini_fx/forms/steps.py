@@ -77,15 +77,15 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     # Without a run the user's own loop counts the load steps.
     path, reports = ran or (counted_path(report.start.step), [report])
     steps = [report.result for report in reports]
-    last = last_solved(reports)
-    ended = last.outcome, last.data
     # After a failed load step the forms have its values, while the results are those of a step
     # before.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     model = replace(solver.elastic, title=title, path=path)
     mechanics = replace(solver.mechanics(model), settled=settled)
-    found = partial(findings_of_steps, mechanics, steps, [])
-    solution = contact_solution(mechanics, steps, solver.task, ended, solver.timings, found)
+    ended = last_solved(reports)
+    solution = contact_solution(
+        mechanics, steps, solver.task, ended, solver.timings, findings_of_steps
+    )
     # The adjoint solve needs the matrix, which is that of the last step.
     small = ran is None and solution.model.dofs <= MOST_ADJOINT_UNKNOWNS
     return replace(solution, state=solver.last, reached=report if small else None)

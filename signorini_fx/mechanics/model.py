@@ -170,8 +170,7 @@ class Model:
     @property
     def comm(self) -> MPI.Comm:
         """The MPI communicator of the mesh."""
-        comm = self.space.mesh.comm
-        return comm
+        return self.space.mesh.comm
 
     @property
     def dimension(self) -> int:

@@ -11,7 +11,6 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.arrays import Array
@@ -199,17 +198,14 @@ def solve_contact(
         if report.status is Status.CONVERGED:
             state = new
             on_step(report)
-    last, results = reports[-1], [report.result for report in reports]
     ended = last_solved(reports)
-    mechanics = last.mechanics
-    found = partial(_findings, mechanics, results)
     solution = contact_solution(
-        mechanics,
-        results,
+        reports[-1].mechanics,
+        [report.result for report in reports],
         problem.task,
-        (ended.outcome, ended.data),
+        ended,
         problem.timings,
-        found,
+        _findings,
     )
     # A large solve is not kept, as it would occupy too much memory.
     reached = ended if model.dofs <= MOST_ADJOINT_UNKNOWNS else None
@@ -228,9 +224,9 @@ def contact_solution(
     mechanics: Mechanics,
     steps: Sequence[StepResult],
     task: Task,
-    ended: tuple[Outcome, RegularisedData],
+    ended: Report,
     timings: Timings,
-    find: Callable[[], Iterable[Finding]],
+    find: Callable[[Mechanics, Sequence[StepResult]], Iterable[Finding]],
 ) -> Solution:
     """Return the solution of all load steps; collective.
 
@@ -238,14 +234,15 @@ def contact_solution(
         mechanics: evaluates forces and stresses of the body.
         steps: the results of the load steps.
         task: the contact problem.
-        ended: outcome and data of the last step with a solution, or of the first step.
+        ended: the report of the last step with a solution, or of the first step.
         timings: times of parts of the solve.
-        find: returns the findings; it is called when they are first needed, on several ranks at
-            once.
+        find: returns the findings about the steps; it is called when they are first needed, on
+            several ranks at once.
     """
-    outcome, data = ended
+    outcome = ended.outcome
+    data = ended.data
     shown = _shown(steps)
-    found = cache(lambda: (*find(), *may_jump(task.history)))
+    found = cache(lambda: (*find(mechanics, steps), *may_jump(task.history)))
     model = mechanics.model
     if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
@@ -287,7 +284,7 @@ def _findings(mechanics: Mechanics, steps: Sequence[StepResult]) -> list[Finding
 
 
 def findings_of_steps(
-    mechanics: Mechanics, steps: Sequence[StepResult], further: Sequence[Finding]
+    mechanics: Mechanics, steps: Sequence[StepResult], further: Sequence[Finding] = ()
 ) -> list[Finding]:
     """Return the findings about the results of load steps, with ``further`` ones; collective.
 

@@ -148,7 +148,7 @@ class SemismoothNewton:
         """
         problem = self.problem
         self._assembled = True
-        problem.assemble_jacobian(snes, x, jacobian)
+        problem.assemble_jacobian(jacobian)
         ksp = snes.getKSP()
         least = problem.least_share(x)
         forces = max(least, NEGLIGIBLE) * problem.force_scale

@@ -329,10 +329,9 @@ class NonlinearContactProblem(ProblemOfForms):
 
         model = replace(solved.mechanics.model, title=title, path=path)
         mechanics = replace(solved.mechanics, model=model, ends=ends, errors_now=errors)
-        ended = (solved.outcome, solved.data)
         found = self.findings
         solution = contact_solution(
-            mechanics, steps, linear.task, ended, self._solver.timings, lambda: found
+            mechanics, steps, linear.task, solved, self._solver.timings, lambda *_: found
         )
         status = self.status or Status.CONVERGED
         algorithm = f"newton, {solution.algorithm}"

@@ -394,7 +394,7 @@ def regularisation_errors(
         jacobian.handle not in problem.tangent.factorised
     ):  # of a checkpoint, with which nothing has been solved
         newton.pose(problem.data, problem.sets)
-        problem.assemble_jacobian(newton.snes, newton.x, jacobian)
+        problem.assemble_jacobian(jacobian)
         problem.factorised(jacobian)
         with petsc_options.defaults():
             petsc_calls.solve(newton.snes.getKSP().setUp)
