@@ -137,7 +137,7 @@ def solved(scene: Any) -> tuple[Any, fem.Function, Any]:
     assert solution.converged
     return (
         solution,
-        stress_of(problem._solver.tangents.lowered, problem.u),
+        stress_of(problem._lowered, problem.u),
         problem.errors_of(solution),
     )
 

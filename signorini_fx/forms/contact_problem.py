@@ -57,7 +57,7 @@ class ProblemOfForms:
     """
 
     assembled: Any
-    _ended: Any  # the object that holds the status and certificate of the last solve
+    _solver: Any  # the object that holds the status and certificate of the last solve
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
     # The squared error of each owned cell, the strain energy, the contacts that are met at
     # displaced points, and the modulus; see ``combined``; collective.
@@ -93,14 +93,14 @@ class ProblemOfForms:
     @property
     def status(self) -> Status | None:
         """How the last solve ended; None before the first one, and after an error."""
-        return self._ended.status
+        return self._solver.status
 
     @property
     def certificate(self) -> Certificate | None:
         """The check of the last solution against the conditions of the problem; for a nonlinear
         body, against F and the shapes at displaced points.  None before the first solve.
         """
-        return self._ended.certificate
+        return self._solver.certificate
 
     @property
     def history(self) -> History:
@@ -175,7 +175,7 @@ class ProblemOfForms:
         """Return the state before the first load step, with the foundations at their present
         places.
         """
-        return self._ended.initial()
+        return self._solver.initial()
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
         """See ``State.save``."""
@@ -430,7 +430,7 @@ class ContactProblem(ProblemOfForms):
             density = density_of(density, forms.space)
             effects = *effects, MidpointRule()
         of_forms = forms, self.u, bcs, settings, options_of_petsc
-        self.assembled = self._ended = FormSolver(*of_forms, tuple(effects), density)
+        self.assembled = self._solver = FormSolver(*of_forms, tuple(effects), density)
         if density is not None:
             self.assembled.refuse_driven()
         fields = self.assembled.fields

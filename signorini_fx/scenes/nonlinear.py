@@ -194,7 +194,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self.timings = timings or Timings()
         self._held = held
         self.linear.take_scene(model, history)
-        self._solver = self._ended = replace(
+        self._solver = replace(
             self._solver,
             remembers=body if body.points else None,
             extrapolates=any(one.flows for one in statement.material),

@@ -151,7 +151,7 @@ def test_only_what_changes_is_assembled(monkeypatch):
         act()
         with (
             counted(monkeypatch, solver, "elastic_body") as stiffness,
-            counted(monkeypatch, solver.FormSolver, "_case") as loads,
+            counted(monkeypatch, solver, "case_of") as loads,
         ):
             y = problem.solve().x.array.copy()
         assert (len(stiffness), len(loads)) == expected, name

@@ -298,7 +298,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.slip = fields.slip
         remembers = None if kept is None else KeptFunctions(kept)
         actions = commit, remembers, max_newton, stability and not self.linear.moves
-        self._solver = self._ended = EquilibriumSolver(self.linear, *actions)
+        self._solver = EquilibriumSolver(self.linear, *actions)
         further = "; or raise max_newton, or give the derivative of F as J"
         self._solver.cures = {Status.NOT_SOLVED: f"{Status.NOT_SOLVED.advice}{further}"}
 
