@@ -150,16 +150,18 @@ def test_budget_ends_by_name():
     assert error.value.solution.certificate.holds
 
 
+def without_stress(mesh):
+    """The block on a floor, with no form of its stress."""
+    problem = block_on_a_floor()(mesh)
+    problem.assembled.forms = replace(problem.assembled.forms, stress=None)
+    return problem
+
+
 def test_what_is_refused():
     """Before anything is solved."""
     mesh, family = forms.box((3.0, 1.0), (3, 1), comm=MPI.COMM_SELF), disks(0.5)
     squares = forms.box((3.0, 1.0), (3, 1), dmesh.CellType.quadrilateral, MPI.COMM_SELF)
     adaptive = {"target": 0.1, "refinement": "adaptive"}
-
-    def without_stress(mesh):
-        problem = block_on_a_floor()(mesh)
-        problem.assembled.forms = replace(problem.assembled.forms, stress=None)
-        return problem
 
     with pytest.raises(MeshError, match="only triangles can be refined"):
         solve_nested(block_on_a_floor(), squares)
@@ -185,12 +187,6 @@ def test_what_is_refused():
 
 def test_without_stress_there_is_no_estimate():
     """The meshes are nested all the same."""
-
-    def make(mesh):
-        problem = block_on_a_floor()(mesh)
-        problem.assembled.forms = replace(problem.assembled.forms, stress=None)
-        return problem
-
-    solution = solve_nested(make, forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), 2)
+    solution = solve_nested(without_stress, forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), 2)
     assert solution.converged
     assert (solution.levels, solution.convergence_table) == ((), ())

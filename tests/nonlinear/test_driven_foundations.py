@@ -8,6 +8,7 @@ from parameters import slow
 from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
+from support.nonlinear_scenes import force as total
 
 from signorini_fx import FormError, Foundation, NonlinearContactProblem, SceneError, Status, solve
 
@@ -29,11 +30,6 @@ def rolled(tool, law="rubber", friction=ROUGH, **further):
         cells=(8, 4),
         **({"contact": contact} | exact | further),
     )
-
-
-def total(step):
-    """What the tool exerts on the body; collective."""
-    return np.sum(step.contact.forces, axis=0)
 
 
 @pytest.mark.parametrize("law", ["saint-venant-kirchhoff", slow("j2")])

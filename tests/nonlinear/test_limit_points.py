@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
-from mpi4py import MPI
-from on_meshes import vector_space
-from support.nonlinear_bodies import held, neo_hooke
+from support.nonlinear_bodies import held, neo_hooke, rectangle
 
 from signorini_fx import Foundation, NonlinearContactProblem, Status
 
@@ -18,16 +15,10 @@ FORCE, HELD = 0.15, {"x": 0.0, "rotation": 0.0}
 
 def arch(**shape):
     """The right half of a shallow arch that is clamped at its end, below a circle."""
-    mesh = dmesh.create_rectangle(
-        MPI.COMM_SELF, [[0.0, 0.0], [4.0, 0.3]], [12, 1], dmesh.CellType.quadrilateral
-    )
-    space = vector_space(mesh, 2)
-
-    def side(axis, at):
-        return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))
-
+    space, side = rectangle([4.0, 0.3], [12, 1], degree=2)
     top, middle, end = side(1, 0.3), side(0, 0.0), side(0, 4.0)
-    mesh.geometry.x[:, 1] += 0.8 * np.cos(np.pi * mesh.geometry.x[:, 0] / 8)
+    x = space.mesh.geometry.x
+    x[:, 1] += 0.8 * np.cos(np.pi * x[:, 0] / 8)
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.0, 1.6), "radius": 0.5, "pivot": (0.0, 1.6)} | shape
     F = ufl.derivative(

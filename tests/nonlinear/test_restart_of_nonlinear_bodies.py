@@ -1,12 +1,11 @@
 """Checkpoints of nonlinear bodies: what goes on from there ends as what was not interrupted."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from parameters import slow
+from ranks import shared
 from scenes import alone
 from support.nonlinear_bodies import Killed, rectangle, residual
 from support.nonlinear_scenes import indented, material
@@ -96,11 +95,6 @@ def assert_same(solution, reference, tolerance):
             np.testing.assert_allclose(table[name], wanted[name], rtol=0, atol=tolerance * size)
         for name in ("u_n", "u_t"):
             np.testing.assert_allclose(table[name], wanted[name], rtol=0, atol=tolerance)
-
-
-def shared(tmp_path):
-    """A folder that all ranks see."""
-    return Path(MPI.COMM_WORLD.bcast(str(tmp_path)))
 
 
 @pytest.mark.mpi(slow=True)

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from signorini_fx.addons.report import sections
-from signorini_fx.quantities.shown import all_shown, figure, shown_lines
+from signorini_fx.quantities.shown import all_shown, shown_lines
 
 
 def texts_of(markup):
@@ -18,19 +18,6 @@ def lines_of(key, summary):
     return list(
         map(str, shown_lines(next(shown for shown in all_shown() if shown.key == key), summary))
     )
-
-
-@pytest.mark.parametrize(
-    ("vector", "text"),
-    [
-        ([-2296.2963, 0.0, 37037.01], "(-2296, 0, 37040)"),
-        ([3.0, 0.52163], "(3, 0.5216)"),
-        ([1e-9, 20.0], "(0, 20)"),  # not known beside the other one
-    ],
-)
-def test_a_small_component_keeps_its_digits(vector, text):
-    """Where nothing is known of its error it is the same figure alone and beside a large one."""
-    assert figure(vector) == text
 
 
 @pytest.mark.parametrize(("law", "rubs"), [("none", False), ("coulomb", True)])

@@ -9,13 +9,13 @@ import signal
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 from numpy.testing import assert_allclose
 from parameters import slow
+from ranks import shared
 from scenes import alone
 
 from signorini_fx.errors import SceneError
@@ -258,11 +258,6 @@ def interrupted(scene, comm, folder, step):
     """
     with pytest.raises(Killed):
         solve(scene, comm, checkpoint=folder, observers=[until(step)])
-
-
-def shared(tmp_path):
-    """A folder that all ranks see."""
-    return Path(MPI.COMM_WORLD.bcast(str(tmp_path)))
 
 
 def assert_same(solution, reference, tolerance=1e-8):

@@ -1,5 +1,7 @@
 """Solutions of all ranks together, and of each rank alone."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -15,6 +17,11 @@ GROUPS = (
     ("gap", "u_n", "u_t", "u_t_x", "u_t_y", "u_t_z"),
     ("pressure", "shear", "shear_x", "shear_y", "shear_z", "bound"),
 )
+
+
+def shared(tmp_path):
+    """A folder that all ranks see."""
+    return Path(WORLD.bcast(str(tmp_path)))
 
 
 def same_on_all_ranks(value):
