@@ -1,6 +1,8 @@
 """The benchmark: both linear solves agree, and a run on tiny meshes writes its rows."""
 
 import csv
+import re
+from pathlib import Path
 
 import example1
 import linear
@@ -35,3 +37,22 @@ def test_every_row_is_written(group, tmp_path):
     assert all(0 < float(row["value"]) < float("inf") for row in rows)
     assert {row["verdict"] for row in rows} <= {"reached", "NOT REACHED", ""}
     assert len(rows) == {"plane": 10, "memory": 2, "space": 6, "growth": 4}[group]
+
+
+def test_the_readme_has_the_figures_of_the_table():
+    """What Coulomb friction costs there is what docs/evidence/costs.csv says."""
+    root = Path(__file__).parents[2]
+    with (root / "docs" / "evidence" / "costs.csv").open(newline="", encoding="utf-8") as file:
+        found = {(row["group"], row["what"], row["cells"]): row for row in csv.DictReader(file)}
+    plane = found["plane", "coulomb over mumps", "960"]
+    space = found["space", "coulomb over CG with GAMG", "96"]
+    seconds, memory = (found["growth", what, "192"] for what in ("CPU seconds", "peak memory, MB"))
+    unknowns = [f"{int(re.match('[0-9]+', row['note'])[0]):,}" for row in (space, seconds)]
+    text = (root / "README.md").read_text(encoding="utf-8")
+    for figure in (
+        f"| {float(plane['value']):.1f} times one linear solve by MUMPS |",
+        f"| 3D, {unknowns[0]} unknowns | {float(space['value']):.2f} times one",
+        f"| 3D, {unknowns[1]} unknowns | {float(seconds['value']):.0f} s, "
+        f"{float(memory['value']) / 1000:.1f} GB |",
+    ):
+        assert figure in text
