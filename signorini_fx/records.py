@@ -140,8 +140,8 @@ _ADVICE = {
         "or pressure, or find the limit by load_steps"
     ),
     Status.JUMPS: (
-        "take longer load steps, hold the sliding part more stiffly, or let friction fall over a "
-        "larger range of speeds; the motion during a jump needs inertia"
+        "take longer load steps, hold the sliding part more stiffly, lower friction or let it fall "
+        "over a larger range of speeds; inertia follows the motion during a jump"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh "
     "is degenerate",

@@ -23,6 +23,7 @@ from signorini_fx.forms.nonlinear.residual import Remembers, round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import (
     corner_inside,
+    jumping,
     leads,
     overlap,
     overlap_of_bodies,
@@ -46,6 +47,8 @@ from signorini_fx.solving.step import Failure, Report, refuse_no_duration
 
 # Statuses that hold for linear bodies only.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
+# Statuses whose cause may be a boundary behind a foundation that it should touch.
+NO_EQUILIBRIUM = (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE, Status.JUMPS)
 # Statuses that say nothing about the stiffness.
 NOT_BY_STIFFNESS = (
     *OF_THE_BODY,
@@ -189,7 +192,7 @@ class EquilibriumSolver:
             status is Status.INVERTED and verdict.without
         ):  # the inverted cells are only a consequence
             self.failure = verdict.without
-        if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
+        if final and status in NO_EQUILIBRIUM:
             passed = self.passed | behind(body, last)
             self.failure += "".join(f"; {text}" for text in passed.values())
         self.show_last(begin)
@@ -374,6 +377,8 @@ class EquilibriumSolver:
             return Verdict(Status.NOT_SOLVED, without=without, cause=inner)
         if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):
             return Verdict(inner)
+        if inner is Status.CYCLING and (jumps := jumping(solved)):
+            return Verdict(Status.JUMPS, jumps)
         return Verdict(Status.NOT_SOLVED, inner.value)
 
     def _hidden(self, certificate: Certificate | None) -> bool:

@@ -24,6 +24,7 @@ from signorini_fx.forms.nonlinear.linearised import Bent, MovingFoundations, Non
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import is_derivative
 from signorini_fx.machine import parallel
+from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal
@@ -128,6 +129,21 @@ def leads(body: NonlinearBody, values: Array) -> bool:
     )
 
 
+def jumping(solved: Solved) -> str:
+    """Return which point neither sticks nor slides where active sets cycle and nothing else
+    changes in them, as text, or ""; collective.
+    """
+    problem = solved.outcome.problem
+    sets, following = problem.sets, problem.next.sets
+    changing = sets.changed(following)
+    undecided = sets.contact & following.contact & (sets.slip != following.slip)
+    boundary = solved.linear.boundary
+    places = parallel.gather_rows(boundary.comm, boundary.x[changing])
+    if parallel.any_rank(boundary.comm, changing & ~undecided) or not places.size:
+        return ""
+    return f"the point at {point_in_words(places[0])} neither sticks nor slides"
+
+
 def _springs(solved: Solved) -> Array:
     """Return springs that represent contact and sticking, independent of units, force per length,
     shape (n, d, d); collective.
@@ -188,7 +204,7 @@ def _negative(tangent: fem.Form, solved: Solved, bent: Bent) -> tuple[int, str]:
             parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]]),
         )
     )
-    return negative, f"({', '.join(f'{x:.4g}' for x in farthest[1:])})"
+    return negative, point_in_words(farthest[1:])
 
 
 def largest_stiffness(elastic: Model) -> float:
