@@ -1,5 +1,5 @@
-"""A rubber O-ring between two plates: the mixed element against displacements alone, and against
-Hertz.
+"""A rubber O-ring between two plates: the mixed element against displacements alone, against Hertz,
+and at finite strains against Lindley.
 """
 
 from functools import cache
@@ -94,3 +94,41 @@ def test_hertz(name, poisson):
     half_width = np.sqrt(4 * load * RADIUS / (np.pi * YOUNG / (1 - poisson**2)))
     assert np.isclose(2 * np.sqrt((forces @ x**2) / forces.sum()), half_width, rtol=0.015)
     assert np.isclose(pressure.max(), 2 * load / (np.pi * half_width), rtol=0.015)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("coefficient", [0.0, 0.1])
+def test_lindley(coefficient):
+    """F / (pi D d E) = 1.25 C^1.5 + 50 C^6 (P. B. Lindley, J. Inst. Rubber Ind. 1 (1967) 209-213),
+    a fit from 10 % on.  A smooth ring grows wider until nothing pulls around its axis; friction of
+    more than d / 2 D holds it, so that its section is in plane strain and 4/3 as stiff.
+    """
+    plate = {
+        "shape": "plane",
+        "point": [MIDDLE, RADIUS],
+        "normal": [0.0, -1.0],
+        "shift": [0.0, "-t"],
+    }
+    contact = {"boundary": "arc", "foundation": plate}
+    if coefficient:
+        contact["friction"] = {"law": "coulomb", "coefficient": coefficient}
+    scene = {
+        "mesh": upper_half(0.08),
+        "element": {"degree": 2, "volumetric": "auto"},
+        "material": {"law": "neo-hooke", "isochoric": True, "young": YOUNG, "poisson": 0.4995}
+        | {"hypothesis": "axisymmetric"},
+        "displacement": {"boundary": "middle", "y": 0.0},
+        "contact": contact,
+        "load_steps": {"times": [0.05, 0.1, 0.15, 0.2, 0.25]},
+    }
+    solution = alone(parse_scene(scene))
+    assert solution.findings == ()
+    squeeze = np.array([step.time for step in solution.steps])
+    forces = [-step.contact.forces[0][1] for step in solution.steps]
+    load = np.array(forces) / (2 * np.pi * MIDDLE * 2 * RADIUS * YOUNG)
+    # Hertz's line; of a ring that grows wider, its section shrinks by half of its strain.
+    width = 2 * load[:2] / (np.pi / 0.75)
+    theory = width * (np.log(4 / width) - 1) + (load[:2] / np.pi if not coefficient else 0.0)
+    assert theory == pytest.approx(squeeze[:2], rel=0.05)
+    ratio = load / (1.25 * squeeze**1.5 + 50 * squeeze**6)
+    assert ratio[squeeze > 0.14] == pytest.approx(1.0 if not coefficient else 4 / 3, rel=0.045)
