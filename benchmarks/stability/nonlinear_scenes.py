@@ -391,10 +391,10 @@ class Judge:
         full, reduced = _DEGREES[scene.cell, scene.degree]
         if scene.kind == "axisymmetric":
             full = _DEGREES_OF_REVOLUTION[scene.cell, scene.degree]
-        self._rules = [
-            self._rule(full),
-            self._rule(reduced if scene.volumetric == "reduced" else full),
-        ]
+        self._rules = [self._rule(full), self._rule(full)]
+        if scene.volumetric == "reduced":
+            mean = scene.kind == "axisymmetric" and reduced == 1
+            self._rules[1] = self._mean(self._rules[0]) if mean else self._rule(reduced)
         count = self._rules[0][0].size
         metal = scene.law["law"] == "j2"
         self._metal = Metal(scene.law, np.zeros((count, 3, 3)), np.zeros(count)) if metal else None
@@ -410,6 +410,17 @@ class Judge:
         if self.scene.kind == "axisymmetric":
             volumes = volumes * 2 * np.pi * np.einsum("cqk,ck->cq", values, x[:, :, 0])
         return volumes, gradients, values
+
+    def _mean(self, rule: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        """One point of each cell of a body of revolution, with gradients averaged over its volume
+        and values over its section.
+        """
+        volumes, gradients, values = rule
+        areas = volumes / np.einsum("cqk,ck->cq", values, self.x[self.cells][:, :, 0])
+        whole, area = (each.sum(axis=1)[:, None, None] for each in (volumes, areas))
+        slopes = np.einsum("cq,cqkj->ckj", volumes, gradients) / whole
+        shape = np.einsum("cq,cqk->ck", areas, values)[:, None] / area
+        return whole[:, 0], slopes[:, None], shape
 
     def _gradient(self, u: Array, rule: tuple[Array, Array, Array]) -> Array:
         """Displacement gradients at the points of a rule, shape (c, q, 3, 3)."""
