@@ -51,6 +51,24 @@ def test_blocks(contact):
     assert solution.contact.pressure == pytest.approx(-stress_of_block(0.8, 1), rel=1e-4)
 
 
+def test_rubber_under_steel():
+    """The law of the steel does not decide how the volume of the rubber is integrated."""
+    pressures = []
+    for law in ("neo-hooke", "saint-venant-kirchhoff"):
+        scene = two_blocks({"friction": coulomb_friction(0.5)}).model_dump(exclude_unset=True)
+        rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.499, "region": "lower"}
+        steel = {"law": law, "young": 1e5, "poisson": 0.3, "region": "upper"}
+        scene |= {"material": [rubber, steel], "element": {"volumetric": "auto"}}
+        scene["displacement"] = [
+            fixed("lower.bottom"),
+            {"boundary": "upper.top", "x": 0, "y": -0.1},
+        ]
+        solution = alone(Scene(**scene))
+        assert not [found for found in solution.findings if "too stiff" in found.message]
+        pressures.append(solution.contact.pressure)
+    assert pressures[1] == pytest.approx(pressures[0], rel=1e-3)
+
+
 def placed(shift, way, contact, law="neo-hooke"):
     """A block that moves, from a place to the right of a longer one, and is pressed onto it."""
     return Scene(

@@ -58,13 +58,13 @@ def at_rest(statement: Statement) -> Statement:
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
-    """Return the quadrature degree of the volumetric part; None if that part has no reduced
-    quadrature.
+    """Return the quadrature degree of the volumetric part of materials that have one; None if it
+    is not reduced.
 
     Raises:
         SceneError: the mesh does not allow reduced integration.
     """
-    if not all(material.splits for material in statement.material):
+    if not any(material.splits for material in statement.material):
         return None
     flows = any(material.flows for material in statement.material)
     return reduced_degree(at_rest(statement), tagged.mesh, nearly=flows)
