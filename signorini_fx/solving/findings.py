@@ -151,6 +151,8 @@ def _locking(body: Model, *, reduced: bool) -> Iterator[Finding]:
     simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     other = "quadrilaterals or hexahedra, or degree 2, with "
     cure = f"use {other if simplices else ''}element.volumetric = 'auto'"
+    if body.statement.element.volumetric == "auto" and not simplices:
+        cure = "use element.degree = 2: a material here has no term of the volume to reduce"
     for index, material in enumerate(body.materials):
         if material.locks and not reduced:
             message = f"the nearly incompressible material makes these cells too stiff: {cure}"
@@ -789,12 +791,15 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
     """Yield a warning if nothing is in contact in any load step, unless there are time steps
     between them in which contact may have occurred; collective.
     """
-    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
+    contacts = [step.contact for step in steps if step.contact is not None]
     if any(len(step.between) > 1 for step in steps):
         return
-    if contacts and not parallel.any_rank(comm, contacts):
+    if contacts and not parallel.any_rank(comm, [each.in_contact.any() for each in contacts]):
+        missing = [*(np.max(c.u_n - c.gap, initial=-np.inf) for c in contacts)]
+        nearest = -parallel.largest(comm, np.array(missing))
+        apart = f", sides stay {nearest:.2g} apart" if np.isfinite(nearest) else ""
         message = (
-            "nothing is in contact; where contact was expected, check the gap, the loads "
+            f"nothing is in contact{apart}; where contact was expected, check the gap, the loads "
             "and their units"
         )
         yield Finding("warning", "contact.gap", message)
