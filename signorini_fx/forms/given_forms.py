@@ -369,7 +369,10 @@ def facets_of(
     """
     pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
     if is_section(mesh) and pairs:
-        text = "contact of two bodies is not possible yet on a plane mesh in 3D"
+        text = (
+            "contact of two bodies is not possible yet on a plane mesh in 3D: model the stiffer "
+            "body as a Foundation, or both in 3D"
+        )
         raise FormError([(f"contact[{k}]", text) for k in pairs])
     dim = mesh.topology.dim - 1
     outer = outer_facets(mesh)
