@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from on_meshes import trial_and_test, vector_space
-from scene_tables import box_mesh, fixed, rectangle_mesh, tresca_friction
+from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import ContactProblem, ConvergenceError, Foundation, Tresca, solve
 from signorini_fx.records import Status
@@ -124,6 +124,17 @@ def test_tip_of_a_cone(tip, radius, body):
     solution, advice = failed(brick(cone, **body))
     assert solution.status is Status.CORNER
     assert f"its corner at ({tip[0]:g}, {tip[1]:g}, 0) is 0.02 below" in advice
+
+
+def test_a_sharp_end_over_an_edge():
+    """Rubber slides over an edge with F = 1: *not solved* says why, and what to round off."""
+    moved = {"boundary": "top", "x": "0.1*t", "y": -OVERLAP}
+    contact = {"friction": coulomb_friction(1.0)}
+    scene = block(edge(2.0), contact=contact, displacement=moved, **NEO_HOOKE)
+    scene["mesh"]["parameters"]["cell"] = "triangle"
+    _, advice = failed(scene | {"load_steps": {"times": [0.5, 1.0]}})
+    assert "is beside the corner of the foundation at (2, 0)" in advice
+    assert "chamfer the body or round off the corner, by at least" in advice
 
 
 def test_tip_of_a_cone_on_a_node():

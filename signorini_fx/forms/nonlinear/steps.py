@@ -28,6 +28,7 @@ from signorini_fx.forms.nonlinear.verdicts import (
     overlap,
     overlap_of_bodies,
     reason_for_none,
+    sharp_end,
     stable,
 )
 from signorini_fx.machine import parallel
@@ -194,7 +195,8 @@ class EquilibriumSolver:
             self.failure = verdict.without
         if final and status in NO_EQUILIBRIUM:
             passed = self.passed | behind(body, last)
-            self.failure += "".join(f"; {text}" for text in passed.values())
+            sharp = sharp_end(body.foundations, last.displacement)
+            self.failure += "".join(f"; {text}" for text in (*passed.values(), sharp) if text)
         self.show_last(begin)
         return f"{self.failure}: {self.advice(status)}"
 

@@ -29,7 +29,8 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
+from signorini_fx.mechanics.obstacles.corner_depths import FACETS_OF_ROUNDING, deepest_corner
+from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
 from signorini_fx.mechanics.state import State
@@ -273,6 +274,34 @@ def corner_inside(foundations: MovingFoundations, boundary: ContactBoundary) -> 
     """
     deep = deepest_corner(foundations.placed_shapes, foundations.at, (), boundary)
     return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
+
+
+def sharp_end(foundations: MovingFoundations, displacement: Array) -> str:
+    """Return which sharp end of a contact boundary is beside a corner of its shape, as text, or "";
+    collective.
+
+    ``displacement``: of the nodes of this rank, from which the end is looked at, length.
+    """
+    space = foundations.at.function_space
+    moved = displacement.reshape(-1, space.dofmap.index_map_bs)
+    for number in foundations.moving:
+        corners = foundations.corners_of(number)
+        if corners is None or not corners.places.size:
+            continue
+        line = BoundaryLine.of(space, foundations.facets[number], moved)
+        for facet, end in line.sharp_ends:
+            place = line.x[facet, end]
+            k = int(np.linalg.norm(corners.places - place, axis=1).argmin())
+            long = float(line.lengths[facet])
+            radius = FACETS_OF_ROUNDING * long
+            if np.linalg.norm(corners.places[k] - place) <= long:
+                at, corner = (f"({x:.4g}, {y:.4g})" for x, y in (place, corners.places[k]))
+                return (
+                    f"contact[{number}]: a sharp end of the body at {at} is beside the corner of "
+                    f"the foundation at {corner}, so that the direction of contact jumps there: "
+                    f"chamfer the body or round off the corner, by at least {radius:.2g}"
+                )
+    return ""
 
 
 def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:

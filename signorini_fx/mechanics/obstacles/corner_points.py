@@ -102,6 +102,24 @@ class BoundaryLine:
         found = np.flatnonzero(self.nodes[:, begins] == self.nodes[facet, at])
         return int(found[0]) if found.size else None
 
+    @property
+    def sharp_ends(self) -> Ints:
+        """The facets whose last vertex, and those whose first vertex ends the line or is a sharp
+        convex one of the body, as rows of facet and end, 0 or -1, shape (k, 2).
+        """
+        found = list[tuple[int, int]]()
+        for facet in range(len(self.nodes)):
+            for last in (True, False):
+                other = self.behind(facet, last=last)
+                if other is not None:
+                    pair = (facet, other) if last else (other, facet)
+                    one, two = (self.normal(f, 1.0 - k) for k, f in enumerate(pair))
+                    convex = one[0] * two[1] > one[1] * two[0]
+                    if not convex or one @ two >= BEYOND_FACET:
+                        continue
+                found.append((facet, -int(last)))
+        return np.array(found, dtype=np.int64).reshape(-1, 2)
+
     def place(self, facet: int, xi: float) -> tuple[Array, Array, Array]:
         """Return the shape functions at a coordinate along a facet, 0 to 1, shape (p + 1,), the
         position there, and its derivative, length, shape (2,).
