@@ -159,12 +159,16 @@ class Setup:
         shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
         count = len(_COLOURS)
         styles = _LINES if self.polygons.shape[2] == 2 else _LINES[:1]  # in 3D facets are coloured
-        lines = [styles[min(k // count, len(styles) - 1)] for k in range(len(shown))]
-        names = [boundary.name for boundary in shown]
+        places = {boundary.name: k for k, boundary in enumerate(shown)}
+        first = [
+            min([k, *(places[name] for name in boundary.partners if name in places)])
+            for k, boundary in enumerate(shown)
+        ]
+        # Of more boundaries than colours those on which something acts have their own.
+        order = list(dict.fromkeys(sorted(first, key=lambda k: not shown[k].kinds)))
         found = list[tuple[NamedBoundary, str, str | tuple[float, tuple[float, ...]]]]()
-        for own, boundary in enumerate(shown):
-            k = min([own, *(names.index(name) for name in boundary.partners if name in names)])
-            found.append((boundary, _COLOURS[k % count], lines[k]))
+        for boundary, k in zip(shown, map(order.index, first), strict=True):
+            found.append((boundary, _COLOURS[k % count], styles[min(k // count, len(styles) - 1)]))
         return found
 
     @property

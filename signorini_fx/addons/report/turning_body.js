@@ -93,15 +93,13 @@
   function choose() {
     step = body.steps[+find(".step").value];
     values = step.fields[find(".field").value];
-    range = [Infinity, -Infinity];
-    for (const each of body.steps) {
-      for (const x of each.fields[find(".field").value] || []) {
-        if (Number.isFinite(x)) range = [Math.min(range[0], x), Math.max(range[1], x)];
-      }
-    }
+    // Colours end at the value that 99 % of the corners do not exceed, if the largest is far beyond it.
+    const every = body.steps.flatMap((each) => Array.from(each.fields[find(".field").value] || []).filter(Number.isFinite)).sort((a, b) => a - b);
+    const least = every[0], largest = every[every.length - 1], usual = every[Math.floor(0.99 * (every.length - 1))];
+    range = [least, body.names || largest - least < 1.5 * (usual - least) || usual === least ? largest : usual];
     find(".name").textContent = step.name;
-    find(".least").textContent = Number.isFinite(range[0]) ? range[0].toPrecision(3) : "none";
-    find(".most").textContent = Number.isFinite(range[1]) ? range[1].toPrecision(3) : "";
+    find(".least").textContent = every.length ? least.toPrecision(3) : "none";
+    find(".most").textContent = !every.length ? "" : range[1] < largest ? `${usual.toPrecision(3)} to ${largest.toPrecision(3)}` : largest.toPrecision(3);
     fill("displacement", step.displacement, 3);
     fill("value", values || new Float32Array(points.length / 3).fill(NaN), 1);
     draw();
@@ -120,7 +118,7 @@
     gl.uniformMatrix3fv(at("turn"), true, turn.flat());
     gl.uniform3fv(at("middle"), middle);
     gl.uniform2fv(at("moved"), moved);
-    gl.uniform2fv(at("range"), range);
+    gl.uniform2fv(at("range"), values ? range : [0, 1]);
     const aspect = canvas.width / canvas.height;
     gl.uniform4f(at("sizes"), magnified(), radius, aspect, aspect < 1 ? zoom * aspect : zoom);
     find(".times").textContent = String(+magnified().toPrecision(2));

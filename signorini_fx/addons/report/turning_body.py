@@ -25,6 +25,7 @@ from signorini_fx.addons.report.markup import Markup, rendered
 from signorini_fx.arrays import Array, Ints, Plain
 from signorini_fx.machine.result_files import read_csv
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
@@ -139,13 +140,21 @@ def _fields_of(
         and not (name == _RAW and f"recovered_{_RAW}" in values)
     ]
     scalars.sort(key=lambda name: _RAW not in name)  # the first one is shown first
-    fields = {name.replace("_", " "): _packed(values[name]) for name in scalars}
+    fields = {name.replace("_", " "): values[name] for name in scalars}
     displacement = values["displacement"]
-    fields["displacement"] = _packed(np.linalg.norm(displacement, axis=1))
+    fields["displacement"] = np.linalg.norm(displacement, axis=1)
     if contact is not None:
-        fields["contact pressure"] = _packed(_at_contact(points, contact, contact["pressure"]))
-        fields["shear at contact"] = _packed(_at_contact(points, contact, contact["shear"]))
-    return {"displacement": _packed(displacement), "fields": fields}
+        fields["contact pressure"] = _at_contact(points, contact, contact["pressure"])
+        fields["shear at contact"] = _at_contact(points, contact, contact["shear"])
+    named = {f"{name}{_unit_of(name)}": _packed(column) for name, column in fields.items()}
+    return {"displacement": _packed(displacement), "fields": named}
+
+
+def _unit_of(name: str) -> str:
+    """Return the unit of a field in brackets, or nothing if it is not known."""
+    quantities = {"mises": "stress", "at contact": "stress", "contact pressure": "stress"}
+    quantities |= {"displacement": "length", "temperature": "temperature"}
+    return next((bracketed(kind) for part, kind in quantities.items() if part in name), "")
 
 
 def _at_contact(points: Array, contact: Mapping[str, Array], values: Array) -> Array:
