@@ -96,7 +96,8 @@ def as_entries(contacts: Sequence[ProposedContact], *, in_rows: bool = False) ->
             keys.append('distance = "nominal"')
             if contact.kind != "touches":
                 keys.append(f"gap = {contact.gap:.6g}")
-        remark = f"  # {contact.name}: {contact.kind}"
+        gap = "" if contact.kind == "touches" else f" {abs(contact.gap):.3g}"
+        remark = f"  # {contact.name}: {contact.kind}{gap}"
         if in_rows:
             entries.append(f"    {{ {', '.join(keys)} }},{remark}, area {contact.area:.4g}")
         else:

@@ -322,6 +322,8 @@ def _new_of_mesh(options: argparse.Namespace) -> str:
         page = scene.with_suffix(".html")
         add_on("mesh_page")(arrays, page)
         shows += f", and {page} those under the pointer"
+    if options.file.suffix.lower() == ".inp":
+        shows += f"; a draft with those of the deck: --from {options.file}"
     return (
         f"{scene} is a scene without materials, supports and loads; {shows}. Fill in what is 0.0 "
         f'or "", then run: signorini-fx check {scene}'
