@@ -18,6 +18,7 @@ from support.nonlinear_scenes import (
     indented,
     material,
     pressed_cube,
+    slope,
 )
 
 from signorini_fx import ConvergenceError, Status, solve, write_results
@@ -33,9 +34,6 @@ def pressed_block(energy, height, free):
 
     def stretches(wide, high):
         return [high if axis == 1 else wide if axis in free else 1.0 for axis in range(3)]
-
-    def slope(of, at, step=1e-5):
-        return (of(at + step) - of(at - step)) / (2 * step)
 
     wide = brentq(
         lambda wide: slope(lambda x: energy(*stretches(x, height)), wide), 0.7, 2.0, xtol=1e-14

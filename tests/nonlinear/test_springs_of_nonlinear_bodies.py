@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 from scene_tables import fixed
 from scipy.optimize import root
-from support.nonlinear_scenes import cube, energy_of_stretches, material
+from support.nonlinear_scenes import cube, grown_energy, material
 
 from signorini_fx import solve
 
@@ -22,10 +22,7 @@ def squeezed(name, pressure, expansion=0.0):
     """The stretches along and across a block under a pressure on its deformed ends, in energies of
     stretches.
     """
-    energy, grown = energy_of_stretches(name), 1 + expansion
-
-    def stored(along, across):
-        return grown**3 * energy(along / grown, across / grown, across / grown)
+    stored, grown = grown_energy(name, expansion), 1 + expansion
 
     def unbalanced(stretches, step=1e-5):
         along, across = stretches

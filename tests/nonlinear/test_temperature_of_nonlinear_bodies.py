@@ -7,7 +7,7 @@ import pytest
 from scene_tables import box_mesh, fixed
 from scenes import alone
 from scipy.optimize import brentq
-from support.nonlinear_scenes import LAWS, block, but_slow, cube, energy_of_stretches, material
+from support.nonlinear_scenes import LAWS, block, but_slow, cube, grown_energy, material, slope
 
 from signorini_fx.scenes.reading import parse_scene
 
@@ -61,14 +61,7 @@ def held_bar(name, expansion):
     Energies per undeformed volume are (1 + s)^3 W(stretches / (1 + s)); this is minimal across the
     bar, and its derivative by the stretch along it is the force.
     """
-    energy, grown = energy_of_stretches(name), 1 + expansion
-
-    def stored(along, across):
-        return grown**3 * energy(along / grown, across / grown, across / grown)
-
-    def slope(of, at, step=1e-5):
-        return (of(at + step) - of(at - step)) / (2 * step)
-
+    stored, grown = grown_energy(name, expansion), 1 + expansion
     across = brentq(
         lambda b: slope(lambda a: stored(1.0, a), b), 0.6 * grown, 1.8 * grown, xtol=1e-14
     )

@@ -195,3 +195,14 @@ def energy_of_stretches(name):
         return sum(mu_p / alpha * (np.sum(same**alpha) - 3) for mu_p, alpha in terms) + bulk
 
     return energy
+
+
+def grown_energy(name, expansion):
+    """The energy of a bar that has expanded, of its stretches along and across."""
+    energy, grown = energy_of_stretches(name), 1 + expansion
+    return lambda along, across: grown**3 * energy(along / grown, across / grown, across / grown)
+
+
+def slope(of, at, step=1e-5):
+    """The derivative of a function of a number."""
+    return (of(at + step) - of(at - step)) / (2 * step)
