@@ -116,28 +116,30 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Ints) -> sp.csr_array:
     while (further := ~reached & (np.bincount(of, reached[to], portion.size) > 0)).any():
         reached = reached | further
     chain = np.flatnonzero(reached & (portion < 1) & (sums > 0))
-    itself = sp.eye_array(portion.size, format="csr")
-    if not chain.size:
-        return sp.csr_array(itself[nodes])
     number = np.full(portion.size, -1)
     number[chain] = np.arange(chain.size)
-    on_chain = number[of] >= 0
-    to = to[on_chain]
-    of = of[on_chain]
-    values = takes[to] * (1.0 - portion[of]) / sums[of]
-    steps = _by_rows(values, to, number[of], (portion.size, chain.size))
-    kept = sp.diags_array(np.where(number < 0, portion, 0.0)) @ steps
-    kept += sp.diags_array(portion) @ itself[:, chain]
-    handed = kept[nodes]
+    alone = np.flatnonzero(number[nodes] < 0)
+    if not chain.size:
+        return _by_rows(np.ones(alone.size), alone, nodes, (nodes.size, portion.size))
+    steps = takes[to] * (1.0 - portion[of]) / sums[of]
+    inside = (number[of] >= 0) & (number[to] >= 0)
+    rows = np.append(number[chain], number[of[inside]])
+    columns = np.append(number[chain], number[to[inside]])
+    entries = np.append(np.ones(chain.size), -steps[inside])
+    on_itself = sp.csc_array((entries, (rows, columns)))
     # What is kept of what these hand on, in any number of steps, by the nodes that get any.
-    taking = np.flatnonzero(np.diff(handed.indptr))
-    on_itself = sp.csc_array(sp.eye_array(chain.size) - steps[chain].T)
-    values = splu(on_itself).solve(handed[taking].toarray().T).T
+    outside = (number[of] >= 0) & (number[to] < 0) & (portion[to] > 0)
+    stays = chain[portion[chain] > 0]
+    taking, row = np.unique(np.append(to[outside], stays), return_inverse=True)
+    handed = np.zeros((taking.size, chain.size))
+    handed[row, number[np.append(of[outside], stays)]] = np.append(
+        (portion[to] * steps)[outside], portion[stays]
+    )
+    values = splu(on_itself).solve(handed.T).T
     values[values <= SAME_NUMBER**2] = 0.0
     values /= values.sum(axis=0)
     of_keeping, of_chain = np.nonzero(values)
-    alone = np.flatnonzero(number[nodes] < 0)
-    rows = np.concatenate((alone, taking[of_keeping]))
+    rows = np.concatenate((alone, np.searchsorted(nodes, taking[of_keeping])))
     columns = np.concatenate((nodes[alone], chain[of_chain]))
     entries = np.concatenate((np.ones(alone.size), values[of_keeping, of_chain]))
     return _by_rows(entries, rows, columns, (nodes.size, portion.size))
