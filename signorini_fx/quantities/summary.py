@@ -378,7 +378,7 @@ class CostOfAccuracy(Row):
     error: Number = perhaps("Estimated error of the last mesh, relative.")
     seconds: Number = perhaps("Wall time of all meshes together.")
     dofs: Count | None = perhaps("Unknowns of the last mesh.")
-    next_error: Number = perhaps("A smaller error: a tenth in 2D, a third in 3D, relative.")
+    next_error: Number = perhaps("A smaller error, relative: a tenth; nonlinear or in 3D a third.")
     next_seconds: list[Number] = described(
         "Wall time for that on this machine, from and to.", default_factory=list
     )

@@ -113,8 +113,8 @@ def _remade(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan | None:
     """Return the plan for a mesh that gmsh remakes, or None if it cannot, or if it is one straight
     body, whose cells are better divided; collective.
 
-    Where the choice is left open, only generators of plane bodies with arcs make their cells anew,
-    which then are curved.
+    Where the choice is left open, generators of plane bodies with arcs and one curved drawing make
+    their cells anew, which then are curved.
     """
     if not scene.statement.remade:
         return None
@@ -123,9 +123,12 @@ def _remade(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan | None:
     if goal.refinement == "auto":
         curved = _curved(scene, goal)
         made = all(isinstance(mesh, MeshGenerator) and mesh.sized for mesh in curved.meshes)
-        if curved is scene or not made:
+        if curved is not scene and made:
+            return Plan(curved, adaptive=True, geometry=2, remade=True)
+        drawn = isinstance(scene.mesh, MeshFile) and not several and goal.of in LOCAL
+        if not drawn or not divisible(scene.statement, goal.of):
             return None
-        return Plan(curved, adaptive=True, geometry=2, remade=True)
+        scene = _of_degree_2(scene)
     for name, mesh in meshes or [("", scene.mesh)]:
         if isinstance(mesh, MeshGenerator) and not mesh.sized:
             if not several:
@@ -133,11 +136,9 @@ def _remade(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan | None:
             message = f"{mesh.generator!r}{name} can only be refined uniformly: use 'uniform'"
             raise SceneError.at("accuracy.refinement", message)
     if not several and isinstance(scene.mesh, MeshFile):
-        tagged = load_mesh(
-            scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}),
-            comm,
-        )
-        if not curvature(tagged) > SAME_LENGTH * tagged.size:
+        tagged = load_mesh(_of_degree_2(scene), comm)
+        straight = not curvature(tagged) > SAME_LENGTH * tagged.size
+        if straight or (goal.refinement == "auto" and tagged.dimension == 3):
             return None
     return Plan(scene, adaptive=True, geometry=scene.element.degree, remade=True)
 

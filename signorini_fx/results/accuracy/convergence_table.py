@@ -45,7 +45,6 @@ from signorini_fx.tuned import (
     LEAST_GROWING_TIME,
     MEMORY_POWER,
     NEWTON_SOLVES,
-    NEXT_ERROR,
     PAIRED_BYTES,
     POLLUTION_OF_PEAK,
     POLYGON_SHARES,
@@ -499,7 +498,7 @@ def estimated_cost(model: Model) -> Cost:
         + held
         + 24.0 * dense**2
         + paired,
-        next_error=NEXT_ERROR[dim],
+        next_error=refinement.share,
         next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
         next_refused=refused if model.contacts else "",
         next_local=refinement.local,

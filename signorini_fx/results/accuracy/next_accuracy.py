@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, log
+from math import ceil, log, log2
 
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
@@ -56,11 +56,11 @@ def between(seconds: tuple[float, float]) -> str:
 
 
 def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
-    """Return whether a requested accuracy divides cells locally, where the error is; for forms,
+    """Return whether a requested accuracy makes cells smaller where the error is; for forms,
     whether it can; collective.
 
-    Drawings may have arcs that the mesh does not show.  In 3D local division is implemented for the
-    error of the stress alone.
+    Drawings are remade with such cells, or divided if they are straight.  In 3D local division is
+    implemented for the error of the stress alone.
     """
     cell = tagged.mesh.topology.cell_name()
     degree = statement.element.degree
@@ -69,13 +69,14 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
         own_forms and degree != 2
     ):
         return False
-    drawn = statement.remade and not statement.generated
+    one_body = not statement.bodies and statement.sides[1] is None
+    remade = tagged.dimension == 2 and statement.remade and (one_body or statement.generated)
     straight = (
         not statement.arcs
         if statement.generated
-        else curvature(tagged) <= SAME_LENGTH * tagged.size
+        else not statement.remade and curvature(tagged) <= SAME_LENGTH * tagged.size
     )
-    return not drawn and divides(statement, of, cell, straight=straight)
+    return divides(statement, of, cell, straight=straight or remade)
 
 
 @dataclass(frozen=True)
@@ -87,12 +88,14 @@ class NextRefinement:
         times: time of all these meshes over that of the mesh that was solved, from and to.
         degree: degree of the element.
         local: whether cells are divided locally, where the error is.
+        share: ratio of the next error to the present one.
     """
 
     unknowns: float
     times: tuple[float, float]
     degree: int
     local: bool
+    share: float
 
 
 def next_refinement(
@@ -111,25 +114,27 @@ def next_refinement(
     dimension = tagged.dimension
     degree = statement.element.degree
     local = able and divides_cells(statement, tagged, of)
-    # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they
-    # are fewer.
-    if local or (able and dimension == 2 and statement.remade and statement.arcs and of in LOCAL):
-        meshes = _divided(statement, dimension, dofs)
+    # For nonlinear bodies less is foretold: at corners divided cells follow a stress without a
+    # limit until they fold, and nothing is known of the edges of plastic zones.
+    share = NEXT_ERROR[3 if statement.nonlinear else dimension]
+    if local:
+        meshes = _divided(statement, dimension, dofs, share)
         fixed = FIXED_UNKNOWNS[2]
         degree = 2
     else:
-        times = NEXT_ERROR[dimension]
+        fall = share
         first = dofs
         fixed = FIXED_UNKNOWNS[dimension]
         if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
             # as in ``_divided``
-            times = 2 * times
+            fall = 2 * fall
             degree = 2
             first = 4 * dofs
-        meshes = [first * times ** (-dimension / UNIFORM_RATE)]
-    # The number of iterations of a nonlinear body is less certain.
-    regular = local and dimension == 2 and not statement.nonlinear
-    spread = LOCAL_SPREAD if regular else UNIFORM_SPREAD
+        halvings = -log2(fall) / UNIFORM_RATE
+        if not statement.generated:  # other meshes can only be halved
+            halvings = ceil(halvings)
+        meshes = [first * 2.0 ** (dimension * halvings)]
+    spread = LOCAL_SPREAD if local and dimension == 2 else UNIFORM_SPREAD
     # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of
     # 12 problems in 2D.
     metal = any(
@@ -137,7 +142,8 @@ def next_refinement(
     )
     more = 1 / dimension if metal else 0.0
     middle = MESHES_TIMES * sum((fixed + n) * (n / dofs) ** more for n in meshes) / (fixed + dofs)
-    return NextRefinement(meshes[0], (middle / spread, middle * spread), degree, local=local)
+    times = (middle / spread, middle * spread)
+    return NextRefinement(meshes[0], times, degree, local, share)
 
 
 def next_cost(
@@ -164,8 +170,8 @@ def next_cost(
         able: whether an accuracy can be requested.
     """
     dofs, last = solved[-1]
-    following = NEXT_ERROR[tagged.dimension] * error
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
+    following = refinement.share * error
     margin = MARGIN_OF_ENERGY[refinement.degree] if of == "energy" else MARGIN
     target = f"{min(following * margin, 0.99):.2g}"
     command = f"--accuracy {float(f'{100 * float(target):.2g}'):g}%"
@@ -197,16 +203,15 @@ def next_cost(
     )
 
 
-def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
+def _divided(statement: Statement, dimension: int, dofs: float, share: float) -> list[float]:
     """Return the number of unknowns of each mesh, the last one first."""
-    times = NEXT_ERROR[dimension]
     mesh = statement.origin.get("mesh")
-    last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
-    if (statement.generated and not statement.bodies) or dimension == 3:
+    last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / share
+    coarser = 1.0
+    if statement.generated and not statement.bodies and isinstance(mesh, MeshGenerator):
+        coarser = mesh.coarsest(COARSER_START[2])
+    if coarser > 1 or dimension == 3:
         # The first mesh is one of degree 2, with larger cells where these are their halves.
-        coarser = 1.0
-        if statement.generated and isinstance(mesh, MeshGenerator):
-            coarser = mesh.coarsest(COARSER_START[2])
         finer = 2 / statement.element.degree / coarser
         first = FIRST_UNKNOWNS
         if dimension == 3 or statement.accuracy is None:  # else the mesh is one of divided cells
@@ -215,7 +220,7 @@ def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
         fall = last / first if dimension == 2 else max(last / first, LOCAL_GROWTH)
     else:  # with degree 2 a mesh has four times the unknowns, and half of the error
         first, fall = (
-            (dofs, 1 / times) if statement.element.degree == 2 else (4 * dofs, 1 / times / 2)
+            (dofs, 1 / share) if statement.element.degree == 2 else (4 * dofs, 1 / share / 2)
         )
     count = max(ceil(log(fall) / log(LOCAL_GROWTH)), 0) + 1
     return [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
