@@ -16,9 +16,9 @@ from the facets in which contact zones end.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import basix
@@ -64,7 +64,8 @@ def printed_numbers(solution: Any) -> dict[str, PrintedNumber]:
     """
     found = dict[str, PrintedNumber]()
     if solution.contact is not None and solution.table.touching:
-        found |= _forces(solution) | _moments(solution) | _motions(solution)
+        share = cache(partial(_share, solution))
+        found |= _forces(solution, share) | _moments(solution, share) | _motions(solution)
         found["largest pressure"] = _largest_pressure(solution)
         found["contact area"] = _contact_area(solution)
     return found
@@ -92,9 +93,9 @@ class _Resultant:
         return float(np.linalg.norm(self.force))
 
 
-def _forces(solution: Any) -> dict[str, PrintedNumber]:
+def _forces(solution: Any, share: Callable[[float], float]) -> dict[str, PrintedNumber]:
     """Return the contact force and the friction force; if bodies touch each other, those of each
-    boundary.
+    boundary.  ``share`` is as in ``_errors_of_forces``.
     """
     each = solution.contact.forces_of_each
     contacts = solution.model.contacts
@@ -108,7 +109,7 @@ def _forces(solution: Any) -> dict[str, PrintedNumber]:
         for number, kind in enumerate(("force", "friction")[: 1 + rubs])
     ]
     largest = float(np.linalg.norm(each, axis=2).max())
-    errors = _errors_of_forces(solution, wanted, largest)
+    errors = _errors_of_forces(solution, wanted, largest, share)
     few = _few_nodes(solution.table)
     found = {}
     for number, one in enumerate(wanted):
@@ -126,7 +127,7 @@ def _forces(solution: Any) -> dict[str, PrintedNumber]:
 
 
 def _errors_of_forces(
-    solution: Any, wanted: Sequence[_Resultant], largest: float
+    solution: Any, wanted: Sequence[_Resultant], largest: float, share: Callable[[float], float]
 ) -> list[float] | str:
     """Return the error of each resultant, or why the errors are not known.
 
@@ -134,6 +135,7 @@ def _errors_of_forces(
         solution: the solution.
         wanted: the resultants.
         largest: the largest magnitude of the forces of all contacts.
+        share: from the relative error of the displacement to that of forces.
     """
     price = solved_price(solution)
     turning = turning_shear(solution)
@@ -145,9 +147,8 @@ def _errors_of_forces(
         return error
     bodies = _dual_weighted(solution, wanted)
     if bodies is None:
-        share = _share(solution, error)
         bodies = [
-            share * (not _from_loads(solution, one)) * _reach(solution, one, largest)
+            share(error) * (not _from_loads(solution, one)) * _reach(solution, one, largest)
             for one in wanted
         ]
     degree = compat.geometry_degree(solution.model.tagged.mesh)
@@ -180,9 +181,9 @@ def _bounded(table: ContactTable, arms: Array, size: float) -> float:
     return float(np.fmin(weights[on] @ table.columns["bound"][on], size))
 
 
-def _moments(solution: Any) -> dict[str, PrintedNumber]:
+def _moments(solution: Any, share_of: Callable[[float], float]) -> dict[str, PrintedNumber]:
     """Return the moments of contact and friction about the origin in 3D, if there is only
-    one body.
+    one body.  ``share_of`` is as in ``_errors_of_forces``.
     """
     contact = solution.contact
     boundary = contact.boundary
@@ -191,7 +192,7 @@ def _moments(solution: Any) -> dict[str, PrintedNumber]:
     error = solution.mean_error
     share = getattr(solved_price(solution), "force", None)
     if share is None and not isinstance(error, str):
-        share = _share(solution, error)
+        share = share_of(error)
     moments = np.cross(boundary.centre[:, None], contact.forces_at_points)
     size, friction = parallel.global_sum(boundary.comm, np.linalg.norm(moments, axis=2).sum(axis=0))
     if friction > 0:

@@ -21,9 +21,10 @@ from typing import Any
 
 import basix
 import numpy as np
+from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, diagonal, extents
+from signorini_fx.arrays import Array, Indices, diagonal, extents
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.display import point_in_words
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -76,12 +77,46 @@ _CURVED = np.degrees(CORNER_ANGLE)
 _FACETS_BESIDE = 3
 
 
-def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
+@dataclass(frozen=True)
+class OuterFacets:
+    """The exterior facets of a mesh on this rank.
+
+    Attributes:
+        numbers: local numbers.
+        cells: the cell of each.
+        vertices: positions of their corners, shape (facets, corners, dim).
+        inside: the middle of the corners of each cell, shape (facets, dim).
+    """
+
+    numbers: Indices
+    cells: Indices
+    vertices: Array
+    inside: Array
+
+    @classmethod
+    def of(cls, mesh: dmesh.Mesh) -> OuterFacets:
+        """Return those of a mesh.  Collective."""
+        dim = mesh.topology.dim
+        numbers = outer_facets(mesh)
+        cells = facet_entities(mesh, numbers)[:, 0]
+        cell = getattr(basix.CellType, mesh.topology.cell_name())
+        corners = len(basix.geometry(cell))
+        # Curved facets have nodes on their sides and inside, too.
+        of_facet = len(basix.topology(cell)[dim - 1][0])
+        vertices = facet_vertices(mesh, numbers)[:, :of_facet, :dim]
+        inside = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners], :dim].mean(axis=1)
+        return cls(numbers, cells, vertices, inside)
+
+
+def why_no_limit(
+    body: Model, point: tuple[float, ...], outer: OuterFacets | None = None
+) -> str | None:
     """Return why the stress at a place has no limit as the mesh is refined, or None if nothing is
     known.  Collective.
 
     Singular corners within one facet of the place count, reentrant ones within three facets.
-    Contact boundaries count as pressed, with friction as held.
+    Contact boundaries count as pressed, with friction as held.  ``outer`` are the exterior facets
+    of the body if these are known.
     """
     if _beside_a_node_that_is_loaded(body, point):
         return "where a single node is loaded or held"
@@ -91,32 +126,35 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
         close = ~corners.alone & (away <= (1 + DIGITS_OF_FILES) * corners.facet)
         if parallel.any_rank(body.comm, close):
             reasons.append("it is at a corner of the foundation")
-    for corner, size, reason in _corners(body, np.array(point)):
+    for corner, size, reason in _corners(body, np.array(point), outer):
         away = np.linalg.norm(corner - point, axis=1).min() / size
         if away <= 1 + DIGITS_OF_FILES or (reason == _REENTRANT and away <= _FACETS_BESIDE):
             reasons.append(reason)
     return min((reason for reason in reasons if reason is not None), default=None)
 
 
-def singular_corners(body: Model) -> list[tuple[Array, str]]:
+def singular_corners(body: Model, outer: OuterFacets | None = None) -> list[tuple[Array, str]]:
     """Return the corners of a body where its stress has no limit, each with the reason.
     Collective.
 
     Only angles count that are singular even if the facets approximate a curve.  In 3D a corner is
-    one end of each facet side along a singular edge.
+    one end of each facet side along a singular edge.  ``outer`` is as for ``why_no_limit``.
     """
-    return [(corner[0], reason) for corner, _, reason in _corners(body, None)]
+    return [(corner[0], reason) for corner, _, reason in _corners(body, None, outer)]
 
 
-def _corners(body: Model, point: Array | None) -> Iterator[tuple[Array, float, str]]:
+def _corners(
+    body: Model, point: Array | None, outer: OuterFacets | None
+) -> Iterator[tuple[Array, float, str]]:
     """Yield where facets meet so that the stress has no limit: their common vertices, the size of
     the smaller facet, and the reason.  Collective.
 
     Args:
         body: the body.
         point: only facets near this place count; None for all.
+        outer: the exterior facets, if they are known.
     """
-    local = facets_near(body, point)
+    local = facets_near(body, point, outer or OuterFacets.of(body.tagged.mesh))
     facets = [facet for of_rank in body.comm.allgather(local) for facet in of_rank]
     same = ROOT_OF_EPS * body.tagged.size
     for facet_a, facet_b in _meeting(facets, same):
@@ -200,27 +238,19 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str
     )
 
 
-def facets_near(body: Model, point: Array | None) -> list[BoundaryFacet]:
+def facets_near(body: Model, point: Array | None, outer: OuterFacets) -> list[BoundaryFacet]:
     """Return the exterior facets of this rank with a corner within three of their sizes from a
     place; None for all.
     """
-    mesh = body.tagged.mesh
-    dim = body.tagged.dimension
-    numbers = outer_facets(mesh)
-    entities = facet_entities(mesh, numbers)
-    cell = getattr(basix.CellType, mesh.topology.cell_name())
-    corners = len(basix.geometry(cell))
-    # Curved facets have nodes on their sides and inside, too.
-    of_facet = len(basix.topology(cell)[dim - 1][0])
-    vertices = facet_vertices(mesh, numbers)[:, :of_facet, :dim]
-    size = extents(vertices)
-    away = 0 * vertices[:, :, 0] if point is None else np.linalg.norm(vertices - point, axis=2)
-    close = away.min(axis=1, initial=np.inf) <= _FACETS_BESIDE * size
-    chosen = np.flatnonzero(close)
-    cells = entities[chosen, 0]
+    vertices = outer.vertices
+    chosen = np.arange(len(vertices))
+    if point is not None:
+        away = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf)
+        chosen = np.flatnonzero(away <= _FACETS_BESIDE * extents(vertices))
+    cells = outer.cells[chosen]
     around = vertices[chosen]
     middles = around.mean(axis=1)
-    inside = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners], :dim].mean(axis=1)
+    inside = outer.inside[chosen]
     normals = np.linalg.svd(around - middles[:, None])[2][:, -1]
     normals *= np.sign(np.einsum("fi,fi->f", normals, middles - inside))[:, None]
     condition_of = _conditions(body)
@@ -229,7 +259,7 @@ def facets_near(body: Model, point: Array | None) -> list[BoundaryFacet]:
         BoundaryFacet(
             around[k],
             normals[k],
-            *condition_of(int(numbers[chosen[k]]), normals[k], around[k]),
+            *condition_of(int(outer.numbers[chosen[k]]), normals[k], around[k]),
             int(body.pieces.of_cell[cell]),
             material_of(int(cell)),
         )

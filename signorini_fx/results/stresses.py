@@ -28,7 +28,7 @@ from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics import tensors
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.singularities import singular_corners, why_no_limit
+from signorini_fx.results.singularities import OuterFacets, singular_corners, why_no_limit
 from signorini_fx.tuned import (
     DIGITS_OF_FILES,
     FEWEST_KRYLOV_UNKNOWNS,
@@ -102,7 +102,12 @@ class StressFields:
     @cached_property
     def von_mises(self) -> fem.Function:
         """The von Mises stress, sqrt(3/2) |dev sigma|."""
-        return self._function("von_mises", von_mises_of(self._nodal()))
+        return self._function("von_mises", self._nodal_von_mises)
+
+    @cached_property
+    def _nodal_von_mises(self) -> Array:
+        """The von Mises stress at the points of the function space of the tensor, shape (n,)."""
+        return von_mises_of(self._nodal())
 
     @cached_property
     def shear_energy_density(self) -> fem.Function:
@@ -121,7 +126,7 @@ class StressFields:
             mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)
         )
         return self._function(
-            "shear_energy_density", self.von_mises.x.array**2 / (6 * shear_modulus)
+            "shear_energy_density", self._nodal_von_mises**2 / (6 * shear_modulus)
         )
 
     @cached_property
@@ -182,17 +187,23 @@ class StressFields:
             raise ValueError(f"{field!r} is no field with extremes: take {known}")
         if field == "principal":
             return self._extreme_of(self._sampled_principal[:, component], sign)
-        sampled, *_ = self._samples()
-        values = sampled[:, *COMPONENTS[field]] if field in COMPONENTS else von_mises_of(sampled)
-        return self._extreme_of(values, sign)
+        if field in COMPONENTS:
+            return self._extreme_of(self._samples[0][:, *COMPONENTS[field]], sign)
+        return self._extreme_of(self._sampled_von_mises, sign)
+
+    @cached_property
+    def _sampled_von_mises(self) -> Array:
+        """The von Mises stress at the points where extremes are sought, shape (n,)."""
+        return self._nodal_von_mises[: len(self._samples[0])]
 
     @cached_property
     def _sampled_principal(self) -> Array:
         """The principal stresses at the points where extremes are sought, shape (n, 3)."""
-        return principal_of(self._samples()[0])
+        return principal_of(self._samples[0])
 
+    @cached_property
     def _samples(self) -> tuple[Array, Array, Callable[[int], int]]:
-        """Return the tensor at the points where extremes are sought, shape (n, 3, 3), these points,
+        """The tensor at the points where extremes are sought, shape (n, 3, 3), these points,
         and a function from the number of a point to the local number of its cell.
         """
         space = self.tensor.function_space
@@ -206,7 +217,7 @@ class StressFields:
         smallest; collective.
         """
         topology = self.tensor.function_space.mesh.topology
-        _, x, cell_of = self._samples()
+        _, x, cell_of = self._samples
         values = np.where(np.isfinite(values), sign * values, -np.inf)
         best = parallel.largest(self.comm, values, -np.inf)
         # Where several values agree to six digits, the place with the smallest coordinates is
@@ -232,8 +243,8 @@ class StressFields:
         Args:
             limit: a stress of each cell, a function of degree 0, infinite where there is none.
         """
-        cells = self.von_mises.function_space.dofmap
-        share = self.von_mises.x.array.copy()
+        cells = self.tensor.function_space.dofmap
+        share = self._nodal_von_mises.copy()
         share[cells.list] /= limit.x.array[limit.function_space.dofmap.list]
         return self._extreme_of(share[: cells.index_map.size_local])
 
@@ -374,9 +385,16 @@ class RawStresses(StressFields):
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
 
+    @cached_property
+    def _sampled_von_mises(self) -> Array:
+        if self.at_points is None:
+            return super()._sampled_von_mises
+        return von_mises_of(self._samples[0])
+
+    @cached_property
     def _samples(self) -> tuple[Array, Array, Callable[[int], int]]:
         if self.at_points is None:
-            return super()._samples()
+            return super()._samples
         x = self.at_points.x
         tensors_there = self.at_points.stress.reshape(-1, 3, 3)
         return tensors_there, x.reshape(-1, x.shape[2]), lambda at: at // x.shape[1]
@@ -447,9 +465,9 @@ class RawStresses(StressFields):
         x = node_positions(self.tensor.function_space)[:, :dim]
         places = cKDTree(x)
         found = list[tuple[float, str]]()
-        for corner, reason in singular_corners(model):
+        for corner, reason in singular_corners(model, self._outer):
             there = places.query_ball_point(corner, SAME_LENGTH * model.tagged.size)
-            share = parallel.largest(self.comm, self.von_mises.x.array[there]) / largest
+            share = parallel.largest(self.comm, self._nodal_von_mises[there]) / largest
             found.append((share, f"{reason}, {point_in_words(corner)}"))
         share, why = max(found, default=(0.0, ""))
         return why if share > 2 * NOTABLE else None
@@ -476,7 +494,7 @@ class RawStresses(StressFields):
             near = np.linalg.norm(x - raw.place, axis=1) <= SAME_LENGTH * model.tagged.size
             nodes = space.dofmap.list
             cell, at = np.nonzero(near[nodes])
-            values = fields.von_mises.x.array
+            values = fields._nodal_von_mises
             there = values[nodes[cell, at]]
             if part < 0:
                 largest = there >= raw.value * (1 - DIGITS_OF_FILES)
@@ -510,11 +528,17 @@ class RawStresses(StressFields):
         return self._told(largest)
 
     @cached_property
+    def _outer(self) -> OuterFacets:
+        """The exterior facets of this body on this rank."""
+        return OuterFacets.of(self.mechanics.model.tagged.mesh)
+
+    @cached_property
     def _why_no_limit(self) -> Callable[[tuple[float, ...]], str | None]:
         """A cached ``why_no_limit`` of this body, because several extremes may have the
         same place.
         """
-        return cache(partial(why_no_limit, self.mechanics.model))
+        model = self.mechanics.model
+        return cache(partial(why_no_limit, model, outer=self._outer))
 
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
         """Return an extreme as a dictionary, JSON-safe; collective.
@@ -534,7 +558,8 @@ class RawStresses(StressFields):
 
 def von_mises_of(sigma: Array) -> Array:
     """Return the von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
-    deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    deviator = sigma.copy()
+    deviator[:, range(3), range(3)] -= np.einsum("ijj->i", sigma)[:, None] / 3
     return np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator))
 
 
@@ -542,6 +567,10 @@ def principal_of(sigma: Array) -> Array:
     """Return the principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3);
     nan where a tensor is not finite: a solve that failed may leave anything behind.
     """
+    if not sigma[:, :2, 2].any():  # one of them acts out of the plane
+        middle = (sigma[:, 0, 0] + sigma[:, 1, 1]) / 2
+        radius = np.hypot((sigma[:, 0, 0] - sigma[:, 1, 1]) / 2, sigma[:, 0, 1])
+        return -np.sort(-np.stack((middle + radius, middle - radius, sigma[:, 2, 2]), axis=1))
     finite = np.isfinite(sigma).all(axis=(1, 2))
     values = np.full((len(sigma), 3), np.nan)
     values[finite] = np.linalg.eigvalsh(sigma[finite])[:, ::-1]

@@ -30,7 +30,7 @@ from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerato
 from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
-from signorini_fx.results.accuracy.next_accuracy import divides
+from signorini_fx.results.accuracy.next_accuracy import LOCAL, divides
 from signorini_fx.results.certificate.contact_nodes import overclosures_of
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh, scene_on, with_cells_alike, with_halved_bodies
