@@ -243,10 +243,9 @@ def facets_near(body: Model, point: Array | None, outer: OuterFacets) -> list[Bo
     place; None for all.
     """
     vertices = outer.vertices
-    chosen = np.arange(len(vertices))
-    if point is not None:
-        away = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf)
-        chosen = np.flatnonzero(away <= _FACETS_BESIDE * extents(vertices))
+    away = 0 * vertices[:, :, 0] if point is None else np.linalg.norm(vertices - point, axis=2)
+    close = away.min(axis=1, initial=np.inf) <= _FACETS_BESIDE * extents(vertices)
+    chosen = np.flatnonzero(close)
     cells = outer.cells[chosen]
     around = vertices[chosen]
     middles = around.mean(axis=1)
