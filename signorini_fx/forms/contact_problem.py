@@ -167,6 +167,7 @@ class ProblemOfForms:
             solution.table,
             squares,
             energy,
+            solution.statement.kinematics_in(solution.model.tagged.dimension),
             displaced=displaced,
             modulus=modulus,
         )

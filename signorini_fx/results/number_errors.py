@@ -301,7 +301,8 @@ def _missed_by_points(solution: Any) -> float:
     table = solution.table
     columns = table.columns
     displaced = range(len(model.contacts) * solution.statement.nonlinear)
-    missed = missed_by_points(model, table, displaced)
+    kinematics = solution.statement.kinematics_in(model.tagged.dimension)
+    missed = missed_by_points(model, table, kinematics, displaced)
     work, force = parallel.global_sum(model.comm, np.array([part.sum() for part in missed]))
     pushing = columns["weight"] * columns["pressure"]
     energy = solution.last_step.strain_energy

@@ -27,6 +27,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_vertices,
 )
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.kinematics import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -96,7 +97,7 @@ def estimate_errors(
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = model.loads_at(step, pushing=True).forces
         missed /= max(parallel.total(model.comm, np.abs(forces)), pressed)
-    return combined(model, table, squares, energy, missed)
+    return combined(model, table, squares, energy, model.kinematics, missed)
 
 
 def combined(
@@ -104,6 +105,7 @@ def combined(
     table: ContactTable,
     recovery: Array,
     energy: float,
+    kinematics: Kinematics,
     missed: Array | float = 0.0,
     displaced: Collection[int] = (),
     modulus: float | None = None,
@@ -117,12 +119,12 @@ def combined(
             nonlinear body those of stress and strain, each over the square of its norm and times
             ``2 energy``, shape (2, cells).
         energy: strain energy; for a nonlinear body half of the squared norm of stress and strain.
+        kinematics: kinematics of the body; the forms of a nonlinear body have its measure in them.
         missed: share of all forces that quadrature and gaps miss in each cell.
         displaced: numbers of the contacts that are evaluated at displaced points.
         modulus: stress per strain; None for that of the model.
     """
     boundary = model.boundary
-    kinematics = model.kinematics
     assert boundary is not None
     facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.contacts])
     cells = facet_cells(model.tagged.mesh, facets)
@@ -142,7 +144,7 @@ def combined(
     points = np.zeros_like(body)
     pressed = pressure_square(table)
     if pressed > 0 and size > 0:
-        work, force = missed_by_points(model, table, displaced)
+        work, force = missed_by_points(model, table, kinematics, displaced)
         whole = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         np.add.at(points, cells, work / size + force / whole)
     if pressed > 0 and table.facets is None:
@@ -236,7 +238,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
 
 
 def missed_by_points(
-    model: Model, table: ContactTable, displaced: Collection[int]
+    model: Model, table: ContactTable, kinematics: Kinematics, displaced: Collection[int]
 ) -> tuple[Array, Array]:
     """Return what contact at the nodes misses between them, for each facet of this rank in the
     order of ``boundary.segments``; collective.
@@ -251,10 +253,10 @@ def missed_by_points(
     Args:
         model: the body on its mesh.
         table: the contact table.
+        kinematics: kinematics of the body.
         displaced: see ``combined``; there the change of the gap is known from the normals alone.
     """
     boundary = model.boundary
-    kinematics = model.kinematics
     c = table.columns
     surface = None
     assert boundary is not None
