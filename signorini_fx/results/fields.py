@@ -85,6 +85,9 @@ def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
         if name == "displacement":  # a vector of space, as ParaView expects
             at_points = np.pad(at_points, ((0, 0), (0, 3 - at_points.shape[1])))
         values[name] = at_points[:, 0] if at_points.shape[1] == 1 else at_points
+    pieces = moment.model.pieces
+    if pieces.count > 1:
+        values["piece"] = np.repeat(pieces.of_cell[: len(cells)], cells.shape[1]).astype(np.int64)
     kind = int(
         parallel.global_max(moment.comm, float(np.max(kinds, initial=0)))
     )  # a rank may have no cell

@@ -100,3 +100,30 @@ def test_without_it(tmp_path, monkeypatch):
     monkeypatch.setattr(body, "_MOST_CORNERS", 3)
     write_results(solve(scene), tmp_path / "large", pictures=False)
     assert "<canvas" not in page(tmp_path / "large")
+
+
+SLID = """
+material = { young = 100.0, poisson = 0.0 }
+displacement = [
+    { boundary = "plate.bottom", x = 0.0, y = 0.0 },
+    { boundary = "block.top", x = 0.1, y = -0.01 },
+]
+contact = { boundary = "block.bottom", against = "plate.top" }
+[[body]]
+name = "plate"
+mesh = { generator = "rectangle", parameters = { length = 2.0, nx = 4, ny = 2 } }
+[[body]]
+name = "block"
+mesh = { generator = "rectangle", parameters = { length = 2.0, nx = 4, ny = 2 } }
+shift = [0.0, 1.0]
+"""
+
+
+def test_bodies_that_touch(tmp_path):
+    """Each keeps its points: of two plates of which one slides, neither is drawn at their mean."""
+    found = on_page(SLID, tmp_path)
+    points = unpacked(found["points"]).reshape(-1, 3)
+    (step,) = found["steps"]
+    aside = unpacked(step["displacement"]).reshape(-1, 3)[:, 0]
+    assert len(points) == 2 * 5 * 3
+    assert_allclose(sorted(aside[points[:, 1] == 1.0]), [0.0] * 5 + [0.1] * 5, atol=1e-6)

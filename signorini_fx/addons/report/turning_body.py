@@ -29,6 +29,8 @@ from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
+    from pyvista import UnstructuredGrid
+
     from signorini_fx.quantities.shown import Summary
 
 # Larger surfaces, and more load steps, would make the page slow to load.
@@ -47,8 +49,7 @@ def turning_body(summary: Summary, folder: Path) -> Markup:
 
     chosen = np.unique(np.linspace(0, len(files) - 1, min(len(files), _MOST_STEPS)).round())
     steps = [files[int(k)] for k in chosen]
-    # In the file each cell has its own points: joined, they have the mean of the cells.
-    grids = (pyvista.read(path).clean(tolerance=SAME_LENGTH) for _, _, path in steps)
+    grids = (_joined(pyvista.read(path)) for _, _, path in steps)
     surfaces = [grid.extract_surface(nonlinear_subdivision=0) for grid in grids]
     points = np.asarray(surfaces[0].points)
     sides = surfaces[0].faces
@@ -69,6 +70,19 @@ def turning_body(summary: Summary, folder: Path) -> Markup:
         "steps": shown,
     }
     return _turning(body)
+
+
+def _joined(grid: UnstructuredGrid) -> UnstructuredGrid:
+    """Return a grid whose cells share their points, with the mean of the cells, but not with those
+    of another body that they touch.
+    """
+    import pyvista
+
+    pieces = np.unique(grid.point_data["piece"] if "piece" in grid.point_data else 0)
+    if len(pieces) == 1:
+        return grid.clean(tolerance=SAME_LENGTH)
+    bodies = [grid.threshold((piece, piece), scalars="piece") for piece in pieces]
+    return pyvista.merge([body.clean(tolerance=SAME_LENGTH) for body in bodies], merge_points=False)
 
 
 def _turning(body: Mapping[str, Plain]) -> Markup:
