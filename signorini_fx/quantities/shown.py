@@ -295,11 +295,12 @@ def _friction(summary: Summary) -> Lines:
     if used:
         return [f"{percent(used)} used"]
     boundaries = summary.get("contact_boundaries") or ()
-    if boundaries and all(map(_is_bonded, boundaries)):
+    rubbing = [row for row in boundaries if not _is_bonded(row)]
+    if boundaries and not rubbing:
         return ["bonded"]
-    limit = sum(row.get("friction_limit") or 0.0 for row in boundaries)
-    carried = sum(row.get("tangential_force") or 0.0 for row in boundaries)
-    notable = NEGLIGIBLE * limit < carried < math.inf
+    limit = sum(row.get("friction_limit", 0.0) for row in rubbing)
+    carried = sum(row.get("tangential_force") or 0.0 for row in rubbing)
+    notable = 0.0 < NEGLIGIBLE * limit < carried
     return [f"{percent(carried / limit)} of its limit" if notable else "not needed for equilibrium"]
 
 

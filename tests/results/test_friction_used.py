@@ -117,3 +117,22 @@ def test_of_a_wheel_the_nodes_in_contact_count():
     best = linprog([0.0] * (2 * len(bound)) + [-1.0], A_eq=rows, b_eq=[0.0, 0.0], bounds=limits)
     assert 1.0 < -best.fun < 10.0
     assert solution.friction_used == pytest.approx(-1 / best.fun, rel=1e-6)
+
+
+def test_friction_that_a_support_could_carry():
+    """Equilibrium needs none of it, and yet it carries a share of its limit, which is said."""
+    solution = alone(
+        parse_scene(
+            {
+                "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
+                "material": {"young": 1000.0, "poisson": 0.3},
+                "displacement": fixed("left", "x"),
+                "traction": {"boundary": "top", "x": 0.1, "y": -1.0},
+                "contact": {"boundary": "bottom", "friction": coulomb_friction(0.5)},
+            }
+        )
+    )
+    assert solution.friction_used == pytest.approx(0.0, abs=1e-9)
+    columns = solution.table.columns
+    share = abs(columns["weight"] @ columns["shear"]) / (0.5 * 2.0)
+    assert f"friction    {100 * share:.0f} % of its limit" in str(solution)
