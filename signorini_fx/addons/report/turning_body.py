@@ -78,7 +78,7 @@ def _joined(grid: UnstructuredGrid) -> UnstructuredGrid:
     """
     import pyvista
 
-    pieces = np.unique(grid.point_data["piece"] if "piece" in grid.point_data else 0)
+    pieces = np.unique(grid.point_data.get("piece", 0))
     if len(pieces) == 1:
         return grid.clean(tolerance=SAME_LENGTH)
     bodies = [grid.threshold((piece, piece), scalars="piece") for piece in pieces]
