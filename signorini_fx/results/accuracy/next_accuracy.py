@@ -131,8 +131,8 @@ def next_refinement(
             degree = 2
             first = 4 * dofs
         halvings = -log2(fall) / UNIFORM_RATE
-        if not statement.generated:  # other meshes can only be halved
-            halvings = ceil(halvings)
+        if not statement.generated:  # other meshes can only be halved, until the target is met
+            halvings = ceil(-log2(min(fall * _margin(of, degree), 1.0)) / UNIFORM_RATE)
         meshes = [first * 2.0 ** (dimension * halvings)]
     spread = LOCAL_SPREAD if local and dimension == 2 else UNIFORM_SPREAD
     # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of
@@ -144,6 +144,11 @@ def next_refinement(
     middle = MESHES_TIMES * sum((fixed + n) * (n / dofs) ** more for n in meshes) / (fixed + dofs)
     times = (middle / spread, middle * spread)
     return NextRefinement(meshes[0], times, degree, local, share)
+
+
+def _margin(of: str, degree: int) -> float:
+    """Return the requested error over the one that is then expected."""
+    return MARGIN_OF_ENERGY[degree] if of == "energy" else MARGIN
 
 
 def next_cost(
@@ -172,8 +177,7 @@ def next_cost(
     dofs, last = solved[-1]
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
     following = refinement.share * error
-    margin = MARGIN_OF_ENERGY[refinement.degree] if of == "energy" else MARGIN
-    target = f"{min(following * margin, 0.99):.2g}"
+    target = f"{min(following * _margin(of, refinement.degree), 0.99):.2g}"
     command = f"--accuracy {float(f'{100 * float(target):.2g}'):g}%"
     command += f" --of {of}" if of != "energy" else ""
     if statement.units is None:  # of forms
