@@ -289,8 +289,8 @@ def test_commands(block, folder, capsys):
         if command == "new":
             Path(arguments[0]).unlink(missing_ok=True)
         if command == "solve":
-            arguments = ["--no-pictures", *arguments]
-            arguments += ["--no-fields"] * (block.page != README)
+            fields = ["--no-fields"] * (block.page != README)
+            arguments = ["--no-pictures", *fields, *arguments]
         if ">" in arguments:
             assert Path(arguments.pop()).suffix == ".json"
             assert arguments.pop() == ">"

@@ -70,13 +70,13 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
     ):
         return False
     one_body = not statement.bodies and statement.sides[1] is None
-    remade = tagged.dimension == 2 and statement.remade and (one_body or statement.generated)
+    remade = statement.remade and of != "force" and (one_body or statement.generated)
     straight = (
         not statement.arcs
         if statement.generated
         else not statement.remade and curvature(tagged) <= SAME_LENGTH * tagged.size
     )
-    return divides(statement, of, cell, straight=straight or remade)
+    return divides(statement, of, cell, straight=straight or (remade and tagged.dimension == 2))
 
 
 @dataclass(frozen=True)
