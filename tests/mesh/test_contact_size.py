@@ -210,6 +210,11 @@ def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     hole = f"{CONTACT}contact_size = 9.0\n{REST}".replace("bottom", "hole")
     message = refused(f'[mesh]\nfile = "{drawings / "plane.geo"}"\n{hole}')
     assert "contact[0].contact_size: the facets of 'hole' are no longer than" in message
+    small = f"{CONTACT}contact_size = 1e-8\n{REST}".replace("bottom", "hole")
+    message = refused(f'[mesh]\nfile = "{drawings / "plane.geo"}"\n{small}')
+    assert "contact[0].contact_size: cells of 1e-08 would be about" in message
+    message = refused(f'[mesh]\nfile = "{drawings / "space.step"}"\nsize = 2e-3\n{small}')
+    assert "mesh.size: cells of 0.002 would be about" in message
     write_msh(drawings / "plane.geo", tmp_path / "cells.msh")
     message = refused(f'[mesh]\nfile = "{tmp_path / "cells.msh"}"\n{hole}')
     assert "contact[0].contact_size: a .msh file has its cells already" in message

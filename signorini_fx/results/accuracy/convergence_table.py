@@ -25,6 +25,7 @@ from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.mesh.files.size_field import least_bytes
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.features import accuracy_refused
@@ -34,7 +35,6 @@ from signorini_fx.results.accuracy.next_accuracy import next_refinement
 from signorini_fx.results.accuracy.pressure_error import peak_error
 from signorini_fx.tuned import (
     BASE_BYTES,
-    BYTES_PER_DOF,
     CHANGES_USED,
     ENERGY_RATES,
     EXPECTED_RATES,
@@ -493,8 +493,7 @@ def estimated_cost(model: Model) -> Cost:
         linear_solves=solves,
         seconds=seconds,
         memory_bytes=BASE_BYTES * comm.size
-        + BYTES_PER_DOF * n
-        + 2 * matrix
+        + least_bytes(dim) * n
         + held
         + 24.0 * dense**2
         + paired,

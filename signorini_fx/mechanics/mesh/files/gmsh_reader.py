@@ -18,8 +18,9 @@ from signorini_fx.arrays import Ints
 from signorini_fx.errors import InstallationError, MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Numbering, RawMesh
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, order_in
-from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
+from signorini_fx.mechanics.mesh.files.size_field import Sizes, check_memory, with_sizes
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.tuned import SIZE_GROWTH
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
@@ -303,10 +304,20 @@ def _import(gmsh: ModuleType, file: Path, form: str, size: float | None, *, join
         raise MeshError(f"{file}: it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    # Cells are smaller where the surface is curved, by a factor of 8 at most.
+    body = sum(gmsh.model.occ.getMass(top, tag) for _, tag in gmsh.model.getEntities(top))
+    check_memory(body / length**top, top, "mesh.size", length)
+    # Cells are smaller where the surface is curved, by a factor of 8 at most, and grow from there.
     gmsh.option.setNumber("Mesh.MeshSizeMax", length)
     gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", _TO_A_TURN)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    fields = gmsh.model.mesh.field
+    grown = fields.add("Extend")
+    for dim, kind in ((1, "Curves"), (2, "Surfaces")):
+        fields.setNumbers(grown, f"{kind}List", [tag for _, tag in gmsh.model.getEntities(dim)])
+    fields.setNumber(grown, "SizeMax", length)
+    fields.setNumber(grown, "DistMax", (length - length / 8) / SIZE_GROWTH)
+    fields.setAsBackgroundMesh(grown)
     for dim in (top, top - 1):
         for _, tag in gmsh.model.getEntities(dim):
             name = gmsh.model.getEntityName(dim, tag).rpartition("/")[2]

@@ -16,9 +16,9 @@ import numpy as np
 from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import CELLS, order_in
+from signorini_fx.mechanics.mesh.files.cells import CELLS, measures, order_in
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
-from signorini_fx.tuned import LONGEST_FACET, SIZE_GROWTH
+from signorini_fx.tuned import BYTES_PER_DOF, LONGEST_FACET, MEMORY_SHARE, SIZE_GROWTH
 
 # gmsh's codes for the elements of a view (scalar values).
 _VIEWS = {"triangle": "ST", "quad": "SQ", "tetra": "SS", "hexahedron": "SH"}
@@ -114,6 +114,11 @@ def with_sizes(
         if not wanted:
             return None
         field = _graded_at(own, wanted)
+        for size in wanted:  # the integral of 1 / length^d, whose length grows with the distance
+            facets = own.facets[own.boundaries[size.boundary]]
+            area = float(measures(own.points, facets, own.facet).sum())
+            cubes = area / (SIZE_GROWTH * (own.dim - 1) * size.size ** (own.dim - 1))
+            check_memory(cubes, own.dim, size.path, size.size)
     gmsh.model.mesh.clear()
     field.apply(gmsh, unit)
     mesh = make()
@@ -124,6 +129,39 @@ def with_sizes(
                 size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}"
             )
     return mesh
+
+
+def least_bytes(dim: int) -> float:
+    """Return the least memory for each unknown, bytes: mesh, forms, vectors and two matrices."""
+    return BYTES_PER_DOF + 24.0 * dim * 3**dim
+
+
+def check_memory(cubes: float, dim: int, path: str, size: float) -> None:
+    """Check that a mesh of simplices fits into the memory of this machine, before it is made.
+
+    Args:
+        cubes: the volume in cubes, in 2D the area in squares, of the length of the cells.
+        dim: dimension of the body.
+        path: the key that gives the length of the cells.
+        size: its value.
+
+    Raises:
+        SceneError: its matrices alone need more.
+    """
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    # Regular simplices fill squares and cubes of their edge, and a node is in six or about 22.
+    cells, nodes = cubes * (2.3 if dim == 2 else 8.5), cubes * (1.15 if dim == 2 else 1.5)
+    needed, available = least_bytes(dim) * dim * nodes, parallel.machine_memory(MPI.COMM_SELF)
+    if needed > MEMORY_SHARE * available:
+        raise SceneError.at(
+            path,
+            f"cells of {size:g} would be about {cells:.0e}, which need {needed / 1e9:.2g} GB, and "
+            f"this machine has {available / 1e9:.2g}: give a larger one, in the unit of the mesh "
+            "(gmsh reads .step in mm)",
+        )
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
