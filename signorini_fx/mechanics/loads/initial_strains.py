@@ -210,7 +210,8 @@ def jump_loads(
             raise SceneError.at(
                 jump.path,
                 "contact or a support holds nodes of the section along its axis: move it, or leave "
-                "out the contact of a shank in its hole that stays open",
+                "out the contact of a shank that stays open in its hole: its entry, or "
+                "general_contact.within below the clearance",
             )
         terms = elastic.jump_terms(jump.on(space), z)
         forms = tuple(map(compile_form, terms))
