@@ -15,6 +15,7 @@ from scenes import alone
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import held, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
+from two_cylinders import altered
 
 from signorini_fx import (
     ConvergenceError,
@@ -103,6 +104,20 @@ def test_chords_of_round_sides_that_change_the_pressure(
         force = summary["numbers"]["force"]
         assert force["error"] < 0.1 * np.linalg.norm(force["value"])
         assert any(line.startswith("  force") and "+-" in line for line in lines)
+
+
+def test_chords_far_below_the_approach_are_not_warned_of():
+    """Facets of two cylinders are .0002 off their arcs and .02 apart at the rim of the contact,
+    whose pressure is Hertz's within 1 %.
+    """
+    scene = altered(friction={"law": "none"}) | {"load_steps": {}}
+    scene["displacement"] = [scene["displacement"][0], {"boundary": "top", "x": 0.0, "y": -0.08}]
+    solution = solve(parse_scene(scene))
+    line_load = (solution.table.columns["pressure"] * solution.table.columns["weight"]).sum()
+    stiffness = 1 / (0.91 / 200 + 0.96 / 600)
+    hertz = np.sqrt(line_load * stiffness / np.pi / 4.8)
+    assert solution.table.columns["pressure"].max() == pytest.approx(hertz, rel=0.01)
+    assert not any("off the curved sides" in str(finding) for finding in solution.findings)
 
 
 @pytest.mark.parametrize("algorithm", ["auto", "alm"])
