@@ -153,8 +153,9 @@ def check_memory(cubes: float, dim: int, path: str, size: float) -> None:
     from signorini_fx.machine import parallel
 
     # Regular simplices fill squares and cubes of their edge, and a node is in six or about 22.
-    cells, nodes = cubes * (2.3 if dim == 2 else 8.5), cubes * (1.15 if dim == 2 else 1.5)
-    needed, available = least_bytes(dim) * dim * nodes, parallel.machine_memory(MPI.COMM_SELF)
+    cells = cubes * (2.3 if dim == 2 else 8.5)
+    needed = least_bytes(dim) * dim * cubes * (1.15 if dim == 2 else 1.5)
+    available = parallel.machine_memory(MPI.COMM_SELF)
     if needed > MEMORY_SHARE * available:
         raise SceneError.at(
             path,
