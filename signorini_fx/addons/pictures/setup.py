@@ -315,7 +315,10 @@ class Setup:
         for name, point, vector in self.arrows:
             along = 1.5 * LONGEST_ARROW_OF_SETUP * self._size * vector / np.linalg.norm(vector)
             start = 0.5 * (x.min(axis=0) + x.max(axis=0)) if point is None else point - along
-            tail, tip = flat(np.stack((start, start + along)))
+            ends = flat(np.stack((start, start + along)))
+            if point is None and len(self.arrows) > 1:  # beside an arrow of the same axis
+                ends = ends + 0.3 * (ends[1] - ends[0])[::-1] * (1.0, -1.0)
+            tail, tip = ends
             style = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.6}
             axes.annotate("", tuple(tip), tuple(tail), arrowprops=style, annotation_clip=False)
             axes.text(tail[0], tail[1], plain(name), **_ON_FACE)
