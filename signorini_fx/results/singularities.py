@@ -14,8 +14,9 @@ named.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -86,12 +87,14 @@ class OuterFacets:
         cells: the cell of each.
         vertices: positions of their corners, shape (facets, corners, dim).
         inside: the middle of the corners of each cell, shape (facets, dim).
+        described: those whose conditions were asked for, by their row.
     """
 
     numbers: Indices
     cells: Indices
     vertices: Array
     inside: Array
+    described: dict[int, BoundaryFacet] = field(default_factory=dict)
 
     @classmethod
     def of(cls, mesh: dmesh.Mesh) -> OuterFacets:
@@ -155,15 +158,12 @@ def _corners(
         outer: the exterior facets, if they are known.
     """
     local = facets_near(body, point, outer or OuterFacets.of(body.tagged.mesh))
-    facets = [facet for of_rank in body.comm.allgather(local) for facet in of_rank]
+    every = body.comm.allgather(local) if body.comm.size > 1 else [local]
+    facets = [facet for of_rank in every for facet in of_rank]
     same = ROOT_OF_EPS * body.tagged.size
-    for facet_a, facet_b in _meeting(facets, same):
-        alike = facet_a.kind == facet_b.kind and facet_a.material == facet_b.material
-        flat = facet_a.normal @ facet_b.normal >= np.cos(CORNER_ANGLE)
-        if facet_a.piece != facet_b.piece or (alike and flat):
-            continue
+    for facet_a, facet_b, turn, reentrant in _meeting(facets, same):
         slack = _CURVED if point is None else SAME_ANGLE
-        if (reason := _reason(facet_a, facet_b, slack)) is None:
+        if (reason := _reason(facet_a, facet_b, turn, reentrant, slack)) is None:
             continue
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
         first, _ = np.nonzero(distance <= same)
@@ -173,14 +173,30 @@ def _corners(
 
 def _meeting(
     facets: list[BoundaryFacet], same: float
-) -> Iterator[tuple[BoundaryFacet, BoundaryFacet]]:
-    """Yield the pairs of facets that have a vertex in common, up to the distance ``same``."""
-    vertices = np.concatenate([facet.vertices for facet in facets] or [np.zeros((0, 1))])
-    owners = np.repeat(np.arange(len(facets)), [len(facet.vertices) for facet in facets])
-    for a, b in sorted(
-        {(*sorted(owners[[*pair]]),) for pair in cKDTree(vertices).query_pairs(same)}
-    ):
-        yield facets[a], facets[b]
+) -> Iterator[tuple[BoundaryFacet, BoundaryFacet, float, bool]]:
+    """Yield the pairs of facets of one piece that have a vertex in common, up to the distance
+    ``same``, and differ in direction, condition or material.
+
+    Each comes with the angle between the normals, degrees, and whether the body is reentrant there.
+    """
+    if not facets:
+        return
+    vertices = np.array([facet.vertices for facet in facets])
+    normals = np.array([facet.normal for facet in facets])
+    numbers = dict[Hashable, int]()
+    kinds = [(facet.piece, facet.kind, facet.material) for facet in facets]
+    kind = np.array([numbers.setdefault(one, len(numbers)) for one in kinds])
+    owners = np.repeat(np.arange(len(facets)), vertices.shape[1])
+    touching = cKDTree(np.concatenate(vertices)).query_pairs(same, output_type="ndarray")
+    ends = np.sort(owners[touching], axis=1) @ (len(facets), 1)
+    a, b = np.divmod(np.unique(ends), len(facets))
+    cosines = np.clip(np.einsum("pi,pi->p", normals[a], normals[b]), -1.0, 1.0)
+    middles = vertices.mean(axis=1)
+    reentrant = np.einsum("pi,pi->p", middles[b] - middles[a], normals[a]) > 0
+    for k in np.flatnonzero((cosines < np.cos(CORNER_ANGLE)) | (kind[a] != kind[b])):
+        pair = facets[a[k]], facets[b[k]]
+        if pair[0].piece == pair[1].piece:
+            yield *pair, math.degrees(math.acos(cosines[k])), bool(reentrant[k])
 
 
 _REENTRANT = "at a reentrant corner of the body"
@@ -196,6 +212,8 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
     forces: Iterable[Any] = statement.of(ForceDensity)
     loaded = [load.at for load in forces if load.nodal and load.acts]
     loaded += [support.at for support in statement.displacement if support.at is not None]
+    if not loaded:
+        return False
     x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :dim]
     found = False
     for at in loaded:
@@ -207,12 +225,16 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
     return parallel.any_rank(body.comm, found)
 
 
-def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str | None:
+def _reason(
+    facet_a: BoundaryFacet, facet_b: BoundaryFacet, turn: float, reentrant: bool, slack: float
+) -> str | None:
     """Return why the stress has no limit where two facets of a body meet, or None.
 
     Args:
         facet_a: one facet.
         facet_b: the other one.
+        turn: the angle between their normals, degrees.
+        reentrant: whether the angle within the body exceeds 180 degrees.
         slack: by how much, in degrees, the angle may exceed the largest bounded one where
             conditions change.
     """
@@ -220,8 +242,6 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, slack: float) -> str
         facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
     ):  # on a plane of symmetry
         return "where materials meet at the boundary"
-    turn = float(np.degrees(np.arccos(np.clip(facet_a.normal @ facet_b.normal, -1.0, 1.0))))
-    reentrant = (facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0)) @ facet_a.normal > 0
     angle = 180 + turn if reentrant else 180 - turn
     kinds = tuple(sorted({facet_a.kind, facet_b.kind}))
     alike = len(kinds) == 1
@@ -245,25 +265,25 @@ def facets_near(body: Model, point: Array | None, outer: OuterFacets) -> list[Bo
     vertices = outer.vertices
     away = 0 * vertices[:, :, 0] if point is None else np.linalg.norm(vertices - point, axis=2)
     close = away.min(axis=1, initial=np.inf) <= _FACETS_BESIDE * extents(vertices)
-    chosen = np.flatnonzero(close)
-    cells = outer.cells[chosen]
-    around = vertices[chosen]
-    middles = around.mean(axis=1)
-    inside = outer.inside[chosen]
-    normals = np.linalg.svd(around - middles[:, None])[2][:, -1]
-    normals *= np.sign(np.einsum("fi,fi->f", normals, middles - inside))[:, None]
-    condition_of = _conditions(body)
-    material_of = _materials(body)
-    return [
-        BoundaryFacet(
-            around[k],
-            normals[k],
-            *condition_of(int(outer.numbers[chosen[k]]), normals[k], around[k]),
-            int(body.pieces.of_cell[cell]),
-            material_of(int(cell)),
-        )
-        for k, cell in enumerate(cells)
-    ]
+    chosen = [*map(int, np.flatnonzero(close))]
+    if new := [row for row in chosen if row not in outer.described]:
+        around = vertices[new]
+        middles = around.mean(axis=1)
+        normals = np.linalg.svd(around - middles[:, None])[2][:, -1]
+        outwards = np.einsum("fi,fi->f", normals, middles - outer.inside[new])
+        normals *= np.sign(outwards)[:, None]
+        condition_of = _conditions(body)
+        material_of = _materials(body)
+        for k, row in enumerate(new):
+            cell = int(outer.cells[row])
+            outer.described[row] = BoundaryFacet(
+                around[k],
+                normals[k],
+                *condition_of(int(outer.numbers[row]), normals[k], around[k]),
+                int(body.pieces.of_cell[cell]),
+                material_of(cell),
+            )
+    return [outer.described[row] for row in chosen]
 
 
 def no_limit_of_pressure(body: Model, table: ContactTable) -> str | None:

@@ -212,6 +212,11 @@ class StressFields:
         owned = space.dofmap.index_map.size_local
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
+    @cached_property
+    def _extent(self) -> float:
+        """The largest coordinate of these points, length; collective."""
+        return parallel.largest(self.comm, np.abs(self._samples[1])) or 1.0
+
     def _extreme_of(self, values: Array, sign: float = 1.0) -> Extreme:
         """Return the largest finite value at these points and its place, or with ``sign`` -1 the
         smallest; collective.
@@ -222,9 +227,8 @@ class StressFields:
         best = parallel.largest(self.comm, values, -np.inf)
         # Where several values agree to six digits, the place with the smallest coordinates is
         # taken: it is the same on any number of ranks.
-        size = parallel.largest(self.comm, np.abs(x), 0.0) or 1.0
         largest = np.flatnonzero(values >= best - DIGITS_OF_FILES * abs(best))
-        places = np.round(x[largest] / (SAME_LENGTH * size))
+        places = np.round(x[largest] / (SAME_LENGTH * self._extent))
         found: list[tuple[tuple[float, ...], tuple[float, ...], int]] = []
         if largest.size:
             first = int(np.lexsort(places.T[::-1])[0])
@@ -419,6 +423,7 @@ class RawStresses(StressFields):
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
         return np.asarray(self.mechanics.recovery.squares(self.stress.displacement, self.place))
 
+    @compat.shared_cells()
     def as_dict(self) -> dict[str, Plain]:
         """Return the extremes of raw and recovered stress, with the estimated error, JSON-safe;
         collective.
@@ -462,14 +467,17 @@ class RawStresses(StressFields):
         dim = model.tagged.dimension
         if not largest > 0 or (dim == 3 and model.dofs > FEWEST_KRYLOV_UNKNOWNS):
             return None
-        x = node_positions(self.tensor.function_space)[:, :dim]
-        places = cKDTree(x)
+        if not (corners := singular_corners(model, self._outer)):
+            return None
+        shares = self._nodal_von_mises / largest
+        notable = np.flatnonzero(shares > 2 * NOTABLE)
+        places = cKDTree(node_positions(self.tensor.function_space)[notable, :dim])
         found = list[tuple[float, str]]()
-        for corner, reason in singular_corners(model, self._outer):
+        for corner, reason in corners:
             there = places.query_ball_point(corner, SAME_LENGTH * model.tagged.size)
-            share = parallel.largest(self.comm, self._nodal_von_mises[there]) / largest
+            share = parallel.largest(self.comm, shares[notable[there]])
             found.append((share, f"{reason}, {point_in_words(corner)}"))
-        share, why = max(found, default=(0.0, ""))
+        share, why = max(found)
         return why if share > 2 * NOTABLE else None
 
     def _error_of_largest(self, raw: Extreme, recovered: Extreme) -> float:
@@ -558,9 +566,9 @@ class RawStresses(StressFields):
 
 def von_mises_of(sigma: Array) -> Array:
     """Return the von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
-    deviator = sigma.copy()
-    deviator[:, range(3), range(3)] -= np.einsum("ijj->i", sigma)[:, None] / 3
-    return np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator))
+    xx, xy, xz, _, yy, yz, _, _, zz = np.ascontiguousarray(sigma.reshape(-1, 9).T)
+    shear = xy * xy + xz * xz + yz * yz
+    return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * shear)
 
 
 def principal_of(sigma: Array) -> Array:

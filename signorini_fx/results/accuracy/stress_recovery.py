@@ -16,6 +16,7 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.machine import parallel
+from signorini_fx.machine.compat import shared_cells
 from signorini_fx.mechanics.assembly.mesh_entities import (
     assemble,
     compile_form,
@@ -92,6 +93,7 @@ class StressRecovery:
         self._projected = list[Array]()
 
     @classmethod
+    @shared_cells()
     def of(cls, model: Model) -> StressRecovery:
         """Return the recovery of the stress of a scene."""
         stress = element_stress(model, model.scene_law.displacement())
