@@ -60,8 +60,6 @@ def run(
         figures = report.result.figures
         if (error := time_error(new)) is not None:
             figures = {**figures, "time_error": error}
-        while between and between[-1][0] >= new.time:  # of steps that were too long
-            between.pop()
         if figures:
             between.append((new.time, figures))
         if kept:
@@ -181,9 +179,6 @@ def time_steps(
     """Solve the next time step towards ``place``, or the two steps of a pair whose error is
     allowed; collective.
 
-    If the first step of a pair is yielded a second time, the earlier one was too long and does not
-    count.
-
     Args:
         problem: the problem to solve.
         state: the state from which the step starts.
@@ -227,7 +222,7 @@ def time_steps(
             last = to(state, 0.5 * (state.time + time))
             if _solved(last):
                 first = last
-                yield first
+                problem.accept(first[0], first[1])  # the second one continues from it
                 last = to(first[0], time)
         if not moves and not _solved(last):
             yield last
@@ -237,13 +232,14 @@ def time_steps(
         if isinstance(report, Report):
             shortest = [2 * effect.shortest(report.posed.body) for effect in effects]
         least = max([ENCLOSED * (end - state.time), *shortest])
-        if _solved(last):
+        if first is not None and _solved(last):
             after = pairs.after(whole, last, order, moves=moves)
             error = after.shares(after.errors - pairs.errors)
             allowed = rate * duration
             if error <= allowed or duration / 2 < least:
                 easy = error <= allowed / 2**order
                 after = replace(after, duration=2 * duration if easy else duration)
+                yield first
                 yield after.kept_in(last[0]), *last[1:]
                 return
         elif duration / 2 < least:

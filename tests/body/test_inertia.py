@@ -42,6 +42,7 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
+from signorini_fx.solving import load_path
 from signorini_fx.solving.increments import HalvedIncrements
 from signorini_fx.solving.load_path import time_steps
 from signorini_fx.solving.step import Failure, _added_forces, begun, step
@@ -607,6 +608,29 @@ def test_errors_in_time(name):
     warned = [one.path for one in solution.findings if one.level == "warning"]
     assert ("load_steps.time_accuracy" in warned) == (error > accuracy)
     assert summary_of(solution)["steps"][-1]["time_error"] == error
+
+
+@pytest.mark.parametrize("call", [5, 8])
+def test_a_step_that_was_too_long_is_not_stored(tmp_path, monkeypatch, call):
+    """A run that is killed while a pair of steps is halved goes on from the last accepted one."""
+    entries, accuracy, _ = IN_TIME["flight"]
+    steps = entries["load_steps"] | {"time_accuracy": accuracy}
+    scene = changed(BAR, **entries | {"mesh": COARSE, "inertia": {}, "load_steps": steps})
+    whole = solve(scene)
+    solved, calls = load_path.step, []
+
+    def killed(*args, **more):
+        calls.append(args)
+        if len(calls) == call:
+            raise KeyboardInterrupt
+        return solved(*args, **more)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(load_path, "step", killed)
+        solve(scene, checkpoint=tmp_path)
+    solution = solve(scene, checkpoint=tmp_path, restart=True)
+    assert solution.state.number == whole.state.number
+    assert_allclose(solution.state.displacement, whole.state.displacement, atol=1e-12)
 
 
 # --- forms ----------------------------------------------------------------------------------------
