@@ -166,6 +166,13 @@ def _idle(body: Model) -> Iterator[Finding]:
     for path, effect in body.statement.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
         on_boundary = effect.where is not None and isinstance(effect, ForceDensity | Resistance)
+        loads = on_boundary and isinstance(effect, ForceDensity) and effect.acts
+        if loads and _held(body, effect.where):
+            message = (
+                f"all components of the displacement are prescribed on {effect.where!r}: the force "
+                "goes into the support and moves nothing"
+            )
+            yield Finding("warning", path, message)
         if (
             not on_boundary
             or not values
@@ -181,6 +188,18 @@ def _idle(body: Model) -> Iterator[Finding]:
                 "of facets: check its expression and the unit of lengths"
             )
             yield Finding("warning", path, message)
+
+
+def _held(body: Model, boundary: str) -> bool:
+    """Return whether the displacement of a boundary is prescribed in all steps; collective."""
+    space = body.space
+    nodes = fem.locate_dofs_topological(
+        space, body.tagged.dimension - 1, body.tagged.facets(boundary)
+    )
+    free = ~body.fixed.reshape(-1, body.dimension)
+    owned = nodes[nodes < len(free)]
+    always = all(effect.holds is None for effect in body.statement.displacement)
+    return always and not parallel.any_rank(body.comm, bool(free[owned].any()))
 
 
 def _pieces(body: Model) -> Iterator[Finding]:

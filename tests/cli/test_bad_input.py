@@ -114,7 +114,17 @@ def changed(old, new):
         (
             changed("y = -20.0", 'y = "1e200*x[0]"'),
             (),
-            "traction, body_force: an expression is not finite, or larger",
+            "traction[0].y: is 5e+199 at (0.5, 1); it must be a number of at most",
+        ),
+        (
+            changed("x = 0.0", 'x = "log(-1 - x[1])"'),
+            (),
+            "displacement[0].x: is nan at (0, 0); it must be a number of at most 1e+60",
+        ),
+        (
+            SCENE + '[[displacement]]\nboundary = "left"\nx = 1e-3\n',
+            (),
+            "displacement[1].x: displacement[0] prescribes x on 'left' as well, otherwise: remove",
         ),
         (
             SCENE + "[solver]\ngamma_n = 1e300\n",
@@ -142,7 +152,7 @@ def changed(old, new):
             "material.poisson: must be at most",
         ),
     ],
-    ids=range(14),
+    ids=range(16),
 )
 def test_scene(solve_text, text, arguments, message):
     """Exit code 2 and one line that names the key."""

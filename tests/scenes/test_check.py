@@ -14,7 +14,7 @@ import pytest
 from commands import run
 from mpi4py import MPI
 from pressed_block import block, check, contact, coulomb, tresca
-from scene_tables import coulomb_friction, plane_shape, rectangle_mesh, tresca_friction
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh, tresca_friction
 from scenes import alone, example1
 
 from signorini_fx.errors import SceneError
@@ -87,14 +87,14 @@ def test_the_unknowns_are_those_of_the_solve(variant):
         else read_scene(next(d for d in DEMOS if d.stem == variant))
     )
     report, solution = check(data), alone(data, check=False)
-    fixed = np.count_nonzero(solution.model.fixed)
+    held = np.count_nonzero(solution.model.fixed)
     tools = [
         one.foundation
         for one in solution.statement.contact
         if one.foundation is not None and one.foundation.driven
     ]
     free = sum(3 - len(tool.prescribed) for tool in tools)  # in 2D, besides those of the body
-    assert report.cost.unknowns == solution.model.dofs - fixed + free
+    assert report.cost.unknowns == solution.model.dofs - held + free
 
 
 @pytest.mark.one_quick("demo", DEMOS, ids=lambda demo: demo.stem)
@@ -364,7 +364,7 @@ def test_tipping():
 HURTING = [
     (contact(gap=1e3), "contact.gap", "more than loads and prescribed displacements can"),
     (
-        {"displacement": {"boundary": "top", "x": 0.0, "y": 0.0}, **contact(gap=-1.0)},
+        {"traction": [], "displacement": fixed("top"), **contact(gap=-1.0)},
         "contact.gap",
         "penetrates its foundation",
     ),
@@ -386,6 +386,12 @@ HURTING = [
         },
         "traction[1]",
         "the value is 0 on the whole boundary 'top'",
+    ),
+    (
+        {"traction": [{"boundary": "top", "y": -1.0}, {"boundary": "left", "y": 1.0}]}
+        | {"displacement": fixed("left")},
+        "traction[1]",
+        "the force goes into the support",
     ),
 ]
 

@@ -27,9 +27,9 @@ from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jump
 from signorini_fx.mechanics.loads.load_vectors import (
     FormCoefficients,
     applied_load,
-    check_finite,
     compile_resistance,
     driving_load,
+    finite,
     load_groups,
 )
 from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overlap
@@ -39,7 +39,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.statement.effect import Effect, InitialStrain, Resistance
+from signorini_fx.mechanics.statement.effect import Effect, InitialStrain, Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.mechanics.statement.statement import Statement
@@ -181,7 +181,7 @@ def _prepared(
             )
             applied += jump_loads(jumps, space, on.elastic, held)
     together(
-        partial(check_finite, tagged.mesh.comm, applied),
+        partial(_check_finite, statement, tagged, all(map(finite, applied))),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
     for step in range(
@@ -460,6 +460,34 @@ def _problems(
             (path, f"must be a number from 0 to {LARGEST_NUMBER:g} everywhere on {entry.where!r}")
         ]
     return []
+
+
+def _check_finite(statement: Statement, tagged: TaggedMesh, right: bool) -> None:
+    """Raise an error that names a load or prescribed displacement that is not ``right``, which is
+    whether those of this rank are finite; collective.
+    """
+    comm = tagged.mesh.comm
+    if not parallel.any_rank(comm, not right):
+        return
+    most = f"a number of at most {LARGEST_NUMBER:g}"
+    error: SceneError | None = None
+    for path, entry in statement.listed():
+        if not isinstance(entry, Load):
+            continue
+        x = _points_of(entry, tagged)
+        for key, value in statement.now(entry, 0)[1].given.items():
+            if hasattr(value, "ufl_shape") or not x.size:
+                continue
+            values = sample(value, x)
+            bad = np.flatnonzero(~(np.abs(values) <= LARGEST_NUMBER))
+            if bad.size and error is None:
+                at = ", ".join(f"{c:g}" for c in x[: tagged.dimension, bad[0]])
+                error = SceneError.at(
+                    f"{path}.{key}", f"is {values[bad[0]]:g} at ({at}); it must be {most}"
+                )
+    parallel.raise_together(comm, error)
+    key = f"displacement, {statement.forces_at}"
+    raise SceneError.at(key, f"a value is not {most} somewhere on its boundary or in the body")
 
 
 def _values(entry: Effect) -> Iterator[tuple[str, Value | None]]:

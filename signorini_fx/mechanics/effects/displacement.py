@@ -120,6 +120,7 @@ class Displacement(Load):
             reason = statement.kinematics.refused_axis(self.axis, self.about)
             if reason:
                 yield ("displacement", number, "axis"), reason
+        yield from self._twice(statement, number)
         if self.holds is not None:
             path = ("displacement", number, "holds")
             if len(self.holds) != statement.steps:
@@ -140,3 +141,27 @@ class Displacement(Load):
                 ("displacement", number),
                 f"{self.boundary!r} is prescribed, and in contact as well: choose one",
             )
+
+    def _twice(self, statement: Stated, number: int) -> Contradictions:
+        """Yield the earlier entries that prescribe a component of this one differently."""
+        place = self.boundary, self.at, self.region
+        always = (True,) * statement.steps
+        for earlier, other in enumerate(statement.effects["displacement"][:number]):
+            assert isinstance(other, Displacement)
+            both = zip(self.holds or always, other.holds or always, strict=False)
+            if (
+                place != (other.boundary, other.at, other.region)
+                or other == self
+                or not any(map(all, both))
+            ):
+                continue
+            ours, theirs = ((*one.components, one.normal) for one in (self, other))
+            for name, value, before in zip(("x", "y", "z", "normal"), ours, theirs, strict=True):
+                differ = (value, self.factors) != (before, other.factors)
+                if value is not None and before is not None and differ:
+                    where = "at this point" if self.boundary is None else f"on {self.boundary!r}"
+                    yield (
+                        ("displacement", number, name),
+                        f"displacement[{earlier}] prescribes {name} {where} as well, otherwise: "
+                        "remove one",
+                    )

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
-from mpi4py import MPI
 
 from signorini_fx.arrays import Array, Expr, Indices, Value
 from signorini_fx.errors import SceneError, together
@@ -483,25 +482,8 @@ def _compiled(
     return compile_form(sum(terms[1:], terms[0]))
 
 
-def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
-    """Raise an error if loads or prescribed displacements are not finite, or so large that their
-    squares are not; collective.
-    """
-    problems = []
-    where = (
-        f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
-    )
-    acting = [load.forces if load.pressure_load is None else load.pressure_load for load in loads]
-    if parallel.any_rank(
-        comm,
-        not all((np.abs(load.prescribed.x.array) <= LARGEST_NUMBER).all() for load in loads),
-    ):
-        problems.append(("displacement", where))
-    elif parallel.any_rank(
-        comm, not all((np.abs(forces) <= LARGEST_NUMBER**2).all() for forces in acting)
-    ):
-        problems.append(
-            ("traction, body_force", f"{where} or in the body")
-        )  # stresses times lengths
-    if problems:
-        raise SceneError(problems)
+def finite(load: AppliedLoad) -> bool:
+    """Return whether the squares of forces and prescribed displacements are finite on this rank."""
+    forces = load.forces if load.pressure_load is None else load.pressure_load
+    small = np.abs(load.prescribed.x.array) <= LARGEST_NUMBER
+    return bool(small.all() and (np.abs(forces) <= LARGEST_NUMBER**2).all())
