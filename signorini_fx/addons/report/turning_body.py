@@ -14,6 +14,7 @@ from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
+from warnings import catch_warnings
 
 import numpy as np
 from matplotlib import colormaps
@@ -50,7 +51,9 @@ def turning_body(summary: Summary, folder: Path) -> Markup:
     chosen = np.unique(np.linspace(0, len(files) - 1, min(len(files), _MOST_STEPS)).round())
     steps = [files[int(k)] for k in chosen]
     grids = (_joined(pyvista.read(path)) for _, _, path in steps)
-    surfaces = [grid.extract_surface(nonlinear_subdivision=0) for grid in grids]
+    # Newer versions of PyVista announce another default that older ones cannot be given.
+    with catch_warnings(action="ignore"):
+        surfaces = [grid.extract_surface(nonlinear_subdivision=0) for grid in grids]
     points = np.asarray(surfaces[0].points)
     sides = surfaces[0].faces
     if len(points) > _MOST_CORNERS:
