@@ -650,8 +650,8 @@ def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Find
         gap = body.data.gap[here]
         gap = gap + parallel.largest(body.comm, -gap, -np.inf)
         change = parallel.largest(body.comm, gap[gap <= off])
-        closed = 0.0  # by which a linear body, whose points stay, has approached
-        if not body.statement.nonlinear:
+        closed = 0.0  # the approach, unless points of contact are others than before the load
+        if not parallel.any_rank(body.comm, contact.pressure.size != here.size):
             closed = parallel.largest(body.comm, gap[contact.pressure[here] > 0])
         if not change > NOTABLE * off > 0 or off < NOTABLE * closed:  # nodes of both sides match
             continue
